@@ -222,8 +222,7 @@ class Correction:
             assert ground is not None
             return ground.toward(state, pressed, gap)
 
-        nearest = project_position(at.state, equations, self.projection, None if ground is None else by_bodies)
-        return known[id(nearest)]
+        return known[id(project_position(at.state, equations, self.projection, None if ground is None else by_bodies))]
 
     def owes(self, start: Snapshot, end: Snapshot, pressed: Array, moved: Array) -> bool:
         """Whether most of the error at a step's end was there at its start, or is the way of points that it stops.
@@ -238,11 +237,8 @@ class Correction:
             pressed: Which of those press, shape (k,).
             moved: How far points would have gone by the mean of their velocity at the start and none, shape (k,).
         """
-        if start.layout is not end.layout:
-            match = PointMatching(start.layout, end.layout)
-            gap, error = match.points(start.gap, np.inf), match.rows(start.error)
-        else:
-            gap, error = start.gap, start.error
+        match = PointMatching(start.layout, end.layout)
+        gap, error = match.points(start.gap, np.inf), match.rows(start.error)
         held = end.layout.held if self.bilateral else np.zeros(len(end.error), bool)
         now = max(max_abs(end.gap[pressed]), max_abs(end.error[held]))
         return max(max_abs(gap[pressed]), max_abs(error[held]), max_abs(moved[pressed])) > 0.5 * now
@@ -295,8 +291,5 @@ def _root(g: float, r: float, g1: float, r1: float) -> float:
     low, high = 0.0, 1.0
     for _ in range(50):
         x = 0.5 * (low + high)
-        if ((a * x + b) * x + r) * x + g > 0.0:
-            low = x
-        else:
-            high = x
+        low, high = (x, high) if ((a * x + b) * x + r) * x + g > 0.0 else (low, x)
     return 0.5 * (low + high)

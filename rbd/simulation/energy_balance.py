@@ -89,9 +89,8 @@ def unbalanced(x: Fields, by: Integrator) -> str:
     if order is None:
         return said + "Give the integrator a smaller tolerance."
     h, (rate, what) = x["step"], _fastest(x, [max(first - 1, 0), first], damped=not getattr(by, "implicit", False))
-    shorter = 0.8 * h * (LARGEST / min(float(share[worst]), 1.0)) ** (1.0 / order)
-    if rate * h > FAST:
-        shorter = min(shorter, FAST / rate)
+    slower = FAST / rate if rate * h > FAST else math.inf
+    shorter = min(0.8 * h * (LARGEST / min(float(share[worst]), 1.0)) ** (1.0 / order), slower)
     fast = f"Fastest there is {what}, {rate:.3g} per second; times the step that is {h * rate:.2g}. " if rate else ""
     return f"{said}{fast}Give a shorter step, by the order of the integrator about {shorter:.2g} s."
 
@@ -152,9 +151,8 @@ def too_stiff(motion: SimulatedMotion, state: State, h: float, t: float | None =
         stiff = [e.name for e in elements if h * _rate(state, [e], free) > limit] or [e.name for e in elements]
     except Exception:  # an explicit method needs no derivatives: what is wrong with those of a user does not stop it
         return ""
-    cure = f"or steps below {RESOLVED / rate:.2g} s."
-    if adaptive:
-        cure = f"or wait for some {h * rate / STABLE:.2g} steps between samples."
+    wait = f"or wait for some {h * rate / STABLE:.2g} steps between samples."
+    cure = wait if adaptive else f"or steps below {RESOLVED / rate:.2g} s."
     return (
         f"stiff force elements ({joined(map(repr, stiff), _SHOWN):.300}): their fastest rate is {rate:.3g} per "
         f"second, {h * rate:.3g} times 1 / step. Use integrator=rbd.TimeStepping(), which takes them implicitly, {cure}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -98,15 +98,16 @@ class EventDetection:
 
     def _compare(self, layout: PointLayout, now: StepRecord, closed: Array, slides: Array) -> None:
         ended, begun, both = self._closed & ~closed, ~self._closed & closed, self._closed & closed & layout.rubs
-        for i in np.flatnonzero(ended).tolist():
-            row = int(layout.normals[i])
-            self._record(self._zero(now, [float(s.force[row]) for s in self._past]), layout, i, "leaves")
-        for i in np.flatnonzero(begun).tolist():
-            self._record(now.t, layout, i, "touches")
-        for i in np.flatnonzero(both & self._slides & ~slides).tolist():
-            self._record(self._stops(now, layout, i), layout, i, "sticks")
-        for i in np.flatnonzero(both & ~self._slides & slides).tolist():
-            self._record(self._zero(now, [1.0 - _used(layout, i, s.force) for s in self._past]), layout, i, "slips")
+        changes: tuple[tuple[str, Array, Callable[[int], float]], ...] = (
+            ("leaves", ended, lambda i: self._zero(now, [float(s.force[layout.normals[i]]) for s in self._past])),
+            ("touches", begun, lambda _: now.t),
+            ("sticks", both & self._slides & ~slides, lambda i: self._stops(now, layout, i)),
+            ("slips", both & ~self._slides & slides,
+             lambda i: self._zero(now, [1.0 - _used(layout, i, s.force) for s in self._past])),
+        )  # fmt: skip
+        for kind, which, when in changes:
+            for i in np.flatnonzero(which).tolist():
+                self._record(when(i), layout, i, kind)
 
     def _impact(self, impact: ImpactRecord) -> None:
         self._is_new(impact.layout)

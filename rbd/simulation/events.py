@@ -517,5 +517,5 @@ class EventSearch:
         def off(t: float) -> float:
             return known[t] if t in known else side * event.value(at(t), t) - zero
 
-        found = brentq(off, a, b, xtol=FOUND, rtol=ROUNDING, maxiter=1000)
-        return max(found, float(np.nextafter(a, np.inf)))  # the interval begins with a sample
+        # The interval begins with a sample.
+        return max(brentq(off, a, b, xtol=FOUND, rtol=ROUNDING, maxiter=1000), float(np.nextafter(a, np.inf)))

@@ -24,7 +24,6 @@ import pinocchio as pin
 from rbd.answers.prepared.contact_bodies import (
     MOST_BODIES,
     WORLD,
-    BilinearMap,
     ContactBodies,
     Site,
     gap_map,
@@ -56,7 +55,6 @@ class TouchingPoints:
         of: The body of each point, shape (k,).
         arms: Where each point is in its joint's axes, shape (k, 3) [m].
         centred: The same from its contact's centre.
-        spread: Velocities of the points, in joint axes, by the bodies' (v, w), shape (k, 3, 6n).
         of_rows: The same by velocities of the rows, shape (k, 3, rows).
         shares: Forces of least norm at the points for forces on the rows, shape (k, 3, rows).
         agrees: Whether the equations of motion were found to be those of M and h; None before they were compared.
@@ -69,9 +67,9 @@ class TouchingPoints:
         self.centred = np.concatenate([g.local @ X.rotation.T for g, X in zip(grounds, placements, strict=True)])
         self.arms = self.centred + np.array([X.translation for X in placements])[each]
         joints, self.of = np.unique(np.array([joint for joint, _ in sites])[each], return_inverse=True)
-        k, n = len(each), len(joints)
+        k = len(each)
         S = np.array([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in self.arms])
-        members = [np.flatnonzero(self.of == b) for b in range(n)]
+        members = [np.flatnonzero(self.of == b) for b in range(len(joints))]
         at = [self.arms[own[0]] if len(own) == 1 else np.zeros(3) for own in members]
         held = [
             Site(int(joint), pin.SE3(np.eye(3), x), 3 if len(own) == 1 else 6, axes=0)
@@ -82,10 +80,8 @@ class TouchingPoints:
         self.agrees: bool | None = None
         if self.bodies is None:
             return
-        self.spread = np.zeros((k, 3, 6 * n))
         self.of_rows, self.shares = np.zeros((k, 3, self.bodies.m)), np.zeros((k, 3, self.bodies.m))
-        for b, (own, rows) in enumerate(zip(members, self.bodies.rows, strict=True)):
-            self.spread[own, :, 6 * b : 6 * b + 6] = S[own]
+        for own, rows in zip(members, self.bodies.rows, strict=True):
             by_rows, size = np.eye(3)[None] if len(own) == 1 else S[own], rows.stop - rows.start
             self.of_rows[own, :, rows] = by_rows
             self.shares[own, :, rows] = np.linalg.pinv(by_rows.reshape(-1, size).T).reshape(-1, 3, size)
@@ -99,18 +95,6 @@ class TouchingPoints:
             found = cls(robot, grounds)
             keep(known, key, found, MOST_BODIES)
         return found
-
-    def turned(self, axes: Array, S: Array) -> BilinearMap:
-        """The map (X, x) -> G^T R S x of every point, R of its body, of placements X.
-
-        Args:
-            axes: G of each point, shape (k, 3, 3).
-            S: Shape (k, 3, n).
-        """
-        k, n = len(S), int(self.of.max()) + 1
-        T = np.zeros((k, 3, n, 12, S.shape[2]))
-        T[np.arange(k), :, self.of, :9] = np.einsum("ier,icf->ircef", axes, S).reshape(k, 3, 9, -1)
-        return BilinearMap(T.reshape(3 * k, 12 * n, -1))
 
 
 _AGREES = 1e-9
@@ -137,8 +121,6 @@ class GroundDynamics:
         self._axes = axes = np.concatenate([np.tile(ground.R, (len(ground.local), 1, 1)) for ground in grounds])
         self._height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
         self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(bodies.sites))
-        self._velocity = touching.turned(axes, touching.spread)
-        self._to_points = self._velocity.parts
         self._constants = (np.array(touching.of, np.int64), axes, touching.arms, touching.shares, self.layout.mu)
         self._mu, self.at_rest, self._gravity = self.layout.mu, zeros(3 * len(axes)), start.robot.gravity
 
@@ -165,19 +147,19 @@ class GroundDynamics:
 
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
-        X, V = self._motion(state.q, state.v)
-        gap, velocity = np.empty(len(self._height)), np.empty(len(self.at_rest))
-        found = self._kernel.points(X, V, self._gaps, self._height, *self._to_points, gap, velocity)
+        X, gap, velocity, found = self._measured(state.q, state.v)
         return filled(
             Snapshot, state=state, layout=self.layout, velocity=velocity, gap=gap, error=self.at_rest,
             measure=lambda: [source.at(state, t) for source in self._points.sources], locate=self._located, placed=X,
             spread=self._points_of_rows, extremes=found,
         )  # fmt: skip
 
-    def _motion(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """(X, V) of the bodies."""
+    def _measured(self, q: Array, v: Array) -> tuple[Array, Array, Array, tuple[float, float, float]]:
+        """(placements of the bodies, gaps and velocities of the points, `Snapshot.extremes`)."""
         pin.forwardKinematics(self._model, self._workspace.data, q, v)
-        return self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
+        X, V = self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
+        gap, velocity = np.empty(len(self._height)), np.empty(len(self.at_rest))
+        return X, gap, velocity, self._kernel.points(X, V, self._gaps, self._height, *self._constants[:3], gap, velocity)
 
     def _located(self, X: Array) -> list[PointPlaces]:
         """Where the points of each source are, by placements of the bodies at n states, shape (n, 12 bodies)."""
@@ -248,7 +230,7 @@ class GroundDynamics:
         end = equations.start + equations.h * pin.aba(model, self._workspace.data, state.q, state.v, applied)
         if not is_finite(end):
             return None
-        return VelocityAnswer(end, np.zeros(len(self.at_rest)), self._velocity(*self._motion(state.q, end)), 0.0, True)
+        return VelocityAnswer(end, np.zeros(len(self.at_rest)), self._measured(state.q, end)[2], 0.0, True)
 
     def residual(self, at: Snapshot, applied: Array, a: Array, u: Array, h: float, answer: VelocityAnswer) -> float:
         """Residual of a half step by another route than its answer's: inverse dynamics and the bodies' accelerations, scaled.
@@ -262,7 +244,7 @@ class GroundDynamics:
             answer: The answer.
         """
         bodies, space, forces, state = self._bodies, self._workspace, answer.impulse / h, at.state
-        X = at.placed if at.locate is not None else self._motion(state.q, state.v)[0]
+        X = at.placed if at.locate is not None else self._measured(state.q, state.v)[0]
         touching, axes, kernel = self._touching, self._axes, self._kernel
         pushed = np.empty(len(X) // 2)
         kernel.wrenches(X, forces, touching.of, axes, touching.arms, pushed)

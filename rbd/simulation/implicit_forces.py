@@ -189,8 +189,7 @@ class ImplicitElements:
 
 def _whitened(L: Array, A: Array) -> Array:
     """L^-1 A L^-T of a symmetric A."""
-    half = blas.dtrsm(1.0, L, A, lower=1)
-    return blas.dtrsm(1.0, L, half.T, lower=1)
+    return blas.dtrsm(1.0, L, blas.dtrsm(1.0, L, A, lower=1).T, lower=1)
 
 
 def _is_diagonal(A: Array) -> bool:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, filled, lazy, zeros
+from rbd.arrays import Array, lazy, zeros
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, PointSource, Structure
 from rbd.control.schedules import ContactTouch
@@ -94,10 +94,6 @@ class Instant:
             return self.closed
         touching: Array = ((gap <= gaps.tight) | (self.closed & (gap <= gaps.loose))) & ~self.leaves
         return layout.everything if touching.all() else touching
-
-    def at_time(self, t: float) -> Instant:
-        """The same at another time."""
-        return filled(Instant, **{**self.__dict__, "t": t})
 
     def rates(self, active: Array) -> Array:
         """Velocities of the points, shape (p,): for active ones by the law of the step before.

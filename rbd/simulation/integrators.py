@@ -217,8 +217,7 @@ def _next_stop(t: float, times: Sequence[float], every: float | None) -> float:
         return times[-1]
     sample = (sample_at(t, every) + 1) * every
     i = bisect_left(times, sample - INSTANT)
-    same = i < len(times) and times[i] <= sample + INSTANT
-    return times[i] if same else min(sample, times[-1])
+    return times[i] if i < len(times) and times[i] <= sample + INSTANT else min(sample, times[-1])
 
 
 class _AdaptiveStep:
@@ -337,8 +336,7 @@ class TimeStepping(Displayed):
 
     def reason_unsupported(self, motion: SimulatedMotion, state: State) -> str | None:
         """Names the first ground that accelerates, or tilts under a contact that can break; all others are accepted."""
-        reasons = (reason_unknown_ground(c) or _tilts(c, state) for c in motion.constraints)
-        return next(filter(None, reasons), None)
+        return next(filter(None, (reason_unknown_ground(c) or _tilts(c, state) for c in motion.constraints)), None)
 
     def run(self, motion: SimulatedMotion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""
@@ -372,10 +370,9 @@ class TimeStepping(Displayed):
 
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
-    state = half.start.at.state
-    start = half.start
+    start, tau = half.start, zeros(system.robot.nu)
     more = {"motor_work": start.work, "dissipated": start.dissipated, "other_work": start.other_work, "events": events}
-    return Sample.of(start.t, state, half.a, zeros(state.robot.nu), dict, **more)
+    return Sample.of(start.t, start.at.state, half.a, tau, dict, **more)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:

@@ -69,7 +69,8 @@ class Floor:
         robot, out = start.robot, []
         if not robot.nu or not robot.gravity.any():
             return ()
-        grounds = [g for c in constraints if (g := _ground(c, start)) is not None and _is_level(g.normal, robot)]
+        down, steep = robot.gravity, LEVEL * np.linalg.norm(robot.gravity)
+        grounds = [g for c in constraints if (g := _ground(c, start)) is not None and -(g.normal @ down) > steep]
         roots, joint = solids_of(robot).roots, solids_of(robot).joint
         driven = set(roots[joint[robot.actuated]].tolist())
         roots_of = [0 if (j := robot.site(g.contact.frame)[0]) == 0 else int(roots[j - 1]) for g in grounds]
@@ -103,8 +104,7 @@ class Floor:
     def _heights(self, state: State, bodies: FallingBodies) -> Array:
         """Height of each body's centre of mass above the lowest of the floors, shape (n,) [m]."""
         R, p = state.joint_places(bodies.joints.tolist())
-        centres = p + each_times(R, bodies.levers)
-        return np.asarray((centres @ self.normals.T - self.heights).max(axis=1))
+        return np.asarray(((p + each_times(R, bodies.levers)) @ self.normals.T - self.heights).max(axis=1))
 
     def sunk(self, state: State) -> str:
         """Message: how far the robot has sunk, through the floor of which contacts; empty if it has not."""
@@ -137,10 +137,6 @@ def _ground(constraint: Constraint, start: State) -> OnGround | None:
     return ground if ground is not None and ground.contact.friction and not ground.rise else None
 
 
-def _is_level(normal: Array, robot: CheckedModel) -> bool:
-    return bool(-(normal @ robot.gravity) > LEVEL * np.linalg.norm(robot.gravity))
-
-
 def _is_of_shapes(constraint: Constraint) -> bool:
     """Whether its points appear and disappear."""
     return callable(member(constraint, "with_margin"))
@@ -163,5 +159,5 @@ def _plane(normal: Array, height: float) -> tuple[tuple[float, ...], float]:
 
 def _link(robot: CheckedModel, joint: int) -> str:
     """Name of the first link that a joint carries; of the joint if none has one."""
-    frames = (f.name for f in robot.model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY)
-    return next(frames, robot.model.names[joint])
+    known = robot.model
+    return next((f.name for f in known.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY), known.names[joint])

@@ -9,7 +9,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.contact_points import SLIDES
 from rbd.kernels import COUNT, FLAG, array, compiled, signature
-from rbd.solvers.small_systems import pivoted_factor, pivoted_solve
+from rbd.solvers.small_systems import add_transposed, pivoted_factor, pivoted_solve
 
 _REPEATS, _ROUNDS, _SAME = 1e-11, 3, 1e-12
 """Pivots up to this are of linearly dependent rows; rounds of refinement; tolerance of forces, over their size."""
@@ -17,7 +17,7 @@ _REPEATS, _ROUNDS, _SAME = 1e-11, 3, 1e-12
 
 def _spanned(G: Array, used: Array, count: int, g: Array, y: Array, z: Array) -> bool:
     """Write the shortest y with G^T y = g of the rows in use, y = G z; False where none is exact enough."""
-    n, most = len(g), 0.0
+    n, most = len(g), np.abs(g).max()
     S, scale, order, missed = np.zeros((n, n)), np.zeros(n), np.empty(n, np.int64), np.empty(n)
     for e in range(count):
         for r in range(n if used[e] else 0):
@@ -25,7 +25,6 @@ def _spanned(G: Array, used: Array, count: int, g: Array, y: Array, z: Array) ->
                 for s in range(n):
                     S[r, s] += G[e, r] * G[e, s]
     for r in range(n):
-        most = max(most, abs(g[r]))
         scale[r] = 1.0 / math.sqrt(S[r, r]) if S[r, r] > 0.0 else 0.0
     for r in range(n):
         for s in range(n):
@@ -40,10 +39,7 @@ def _spanned(G: Array, used: Array, count: int, g: Array, y: Array, z: Array) ->
                 y[e] += G[e, r] * z[r]
             for r in range(n):
                 missed[r] -= G[e, r] * y[e]
-        off = 0.0
-        for x in missed:
-            off = max(off, abs(x))
-        if off <= _SAME * most:
+        if np.abs(missed).max() <= _SAME * most:
             return True
         missed *= scale
         pivoted_solve(S, order, rank, missed)
@@ -79,10 +75,7 @@ def _shortest(
     p, n = J.shape
     G, edge, at, ray = np.zeros((p, n)), np.zeros((p, 3)), np.empty(p, np.int64), np.zeros(p, np.bool_)
     g, y, z, used, count = np.zeros(n), np.empty(p), np.empty(n), np.ones(p, np.bool_), 0
-    for j in range(p):
-        if force[j] != 0.0:
-            for r in range(n):
-                g[r] += J[j, r] * force[j]
+    add_transposed(J, force, g)
     for i in range(len(active)):
         if not active[i]:
             continue
@@ -151,8 +144,7 @@ def _turned_back(
 ) -> bool:  # fmt: skip
     """Write `stacked_points.turned_back`; whether some point slides throughout."""
     found = False
-    for j in range(len(out)):
-        out[j] = 0.0
+    out[:] = 0.0
     for i in range(len(active)):
         n = normals[i]
         if rubs[i] and active[i] and pushed[n] > 0.0:

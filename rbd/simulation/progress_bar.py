@@ -72,8 +72,10 @@ def bar_of(*columns: Any) -> Any:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
-    first = (TextColumn("{task.description}", markup=False), BarColumn())
-    return Progress(*first, *columns, console=Console(stderr=True), auto_refresh=False, transient=True)
+    return Progress(
+        TextColumn("{task.description}", markup=False), BarColumn(), *columns, console=Console(stderr=True), auto_refresh=False,
+        transient=True,
+    )  # fmt: skip
 
 
 def _opened(doing: str, total: float) -> tuple[Any, Any]:

@@ -203,9 +203,8 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
     u = np.where(at.layout.held, 0.0, velocity)[index]
     P = GaussProblem(M, M @ v - J.T @ f, [Rows(name, J[s], u[s] - J[s] @ v, cone) for name, s, cone in groups], from_state=True)
     found = Solution(P, v, f, T.project(T.H.T @ f), Law(law), "TimeStepping", 1, 0.0).settled()
-    own = found.multipliers
-    if found.weights is not None and np.isfinite(found.weights).all():
-        own = T.G @ found.weights
+    weights = found.weights
+    own = found.multipliers if weights is None or not np.isfinite(weights).all() else T.G @ weights
     # The velocity is recorded as the step made it: shorter forces that make another one do not belong to it.
     missed, size = np.abs(J.T @ (own - f)), np.abs(J).T
     if not (missed <= SOLVED * (size @ np.abs(own)) + _DIGITS * (size @ np.abs(f)).max()).all():

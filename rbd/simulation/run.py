@@ -183,10 +183,9 @@ def simulate(
     trajectory = Trajectory.of(motion, recording, passed, chosen, step, interrupted, ended)
     inaccurate = _inaccurate(trajectory, chosen, stiff)
     if sunk or missing:
-        why = f"{missing} `error.trajectory` has the whole motion."
-        if sunk:
-            why = f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
-            why += "".join(f" Before that, {said}" for said in inaccurate)
+        before = "".join(f" Before that, {said}" for said in inaccurate)
+        reached = f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached.{before}"
+        why = reached if sunk else f"{missing} `error.trajectory` has the whole motion."
         raise SimulationStopped(why, state=here, t=t, names=motion.names, trajectory=trajectory, reason=ended)
     for said in inaccurate:
         warnings.warn(said, InaccurateWarning, stacklevel=2)
@@ -198,8 +197,7 @@ def _inaccurate(trajectory: Trajectory, by: Integrator, stiff: str) -> list[str]
 
     Not the latter where elements are too stiff, of which there was a warning.
     """
-    made = "" if stiff else unbalanced(vars(trajectory), by)
-    return [said for said in (_unlawful(trajectory), made) if said]
+    return [said for said in (_unlawful(trajectory), "" if stiff else unbalanced(vars(trajectory), by)) if said]
 
 
 def _unlawful(trajectory: Trajectory) -> str:
@@ -219,11 +217,13 @@ def _unlawful(trajectory: Trajectory) -> str:
 
 
 def _reason(error: Exception) -> Reason:
-    if isinstance(error, BadEvent):
-        return Reason.STOPPED_BAD_EVENT
-    if isinstance(error, InputError):
-        return Reason.STOPPED_BAD_INPUT
-    return Reason.STOPPED_NO_SOLUTION if isinstance(error, RbdError | np.linalg.LinAlgError) else Reason.STOPPED_OTHER
+    reasons: tuple[tuple[type[Exception], Reason], ...] = (
+        (BadEvent, Reason.STOPPED_BAD_EVENT),
+        (InputError, Reason.STOPPED_BAD_INPUT),
+        (RbdError, Reason.STOPPED_NO_SOLUTION),
+        (np.linalg.LinAlgError, Reason.STOPPED_NO_SOLUTION),
+    )
+    return next((reason for kind, reason in reasons if isinstance(error, kind)), Reason.STOPPED_OTHER)
 
 
 def _stopped(
@@ -238,13 +238,12 @@ def _stopped(
 ) -> SimulationStopped:
     known = error.problem if isinstance(error, NoSolution) else None
     active = motion.names if known is None else tuple(r.name for r in known.rows if len(r))
-    if isinstance(error, RbdError | np.linalg.LinAlgError):
-        what = f"the step of {motion.robot.name} after t = {t:.6g} s has no solution: {error}"
-    else:
-        what = (
-            f"the step of {motion.robot.name} after t = {t:.6g} s failed: {type(error).__name__} was raised ({error!s:.300}). "
-            "If it comes from your controller, external force or constraint, the traceback above shows where."
-        )
+    what = f"the step of {motion.robot.name} after t = {t:.6g} s " + (
+        f"has no solution: {error}"
+        if isinstance(error, RbdError | np.linalg.LinAlgError)
+        else f"failed: {type(error).__name__} was raised ({error!s:.300}). "
+        "If it comes from your controller, external force or constraint, the traceback above shows where."
+    )
     inaccurate = [] if kept is None else _inaccurate(kept, by, stiff)
     reached = "Nothing was recorded before" if kept is None else "`error.trajectory` and `error.state` have what was reached"
     return SimulationStopped(
@@ -405,20 +404,16 @@ class Phases:
         """(the state after the switches of events, the touches and ends of contact there)."""
         made: list[Event] = []
         for event in stops:
-            switch = self._switch_of(event, state, t)
-            if switch is not None:
-                state = self._after(switch, str(event.name), state, t, made)
+            then, what = event.then, f"then of event {event.name!r:.80}"
+            switch = asked(what, then, state, t) if callable(then) else then
+            if switch is None:
+                continue
+            if not isinstance(switch, Switch):
+                raise InputError(f"{what} gave {switch!r:.80} at t = {t:.6g} s; expected an rbd.simulation.Switch, or None.")
+            for side, names in (("on", switch.on), ("off", switch.off)):
+                check_known(f"{side} of the Switch of event {event.name!r:.80}", names, self._motion.names)
+            state = self._after(switch, str(event.name), state, t, made)
         return state, made
-
-    def _switch_of(self, event: StateEvent, state: State, t: float) -> Switch | None:
-        then, what = event.then, f"then of event {event.name!r:.80}"
-        switch = asked(what, then, state, t) if callable(then) else then
-        if switch is not None and not isinstance(switch, Switch):
-            raise InputError(f"{what} gave {switch!r:.80} at t = {t:.6g} s; expected an rbd.simulation.Switch, or None.")
-        if switch is not None:
-            for side in ("on", "off"):
-                check_known(f"{side} of the Switch of event {event.name!r:.80}", getattr(switch, side), self._motion.names)
-        return switch
 
     def _after(self, switch: Switch, name: str, state: State, t: float, made: list[Event]) -> State:
         """The state after a switch; its touches and ends of contact are appended."""

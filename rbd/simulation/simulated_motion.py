@@ -82,9 +82,8 @@ class SimulatedMotion:
     @property
     def elements(self) -> tuple[ForceElement, ...]:
         """The force elements that act; of a function of time those that it has given, if they were the same each time."""
-        if not callable(self.external):
-            return elements_of(self.external)
-        return self._given[0] if len(self._given) == 1 else ()
+        known = self._given[0] if len(self._given) == 1 else ()
+        return known if callable(self.external) else elements_of(self.external)
 
     @property
     def pushed(self) -> bool:
@@ -97,9 +96,8 @@ class SimulatedMotion:
         given = cast(External, self.external)  # it is constant where this is asked
         if not has_pushes(given):
             return None
-        if elements_of(given):
-            return [each for each in cast(Sequence[ExternalForce], given) if not is_element(each)]
-        return given
+        found = elements_of(given)
+        return [each for each in cast(Sequence[ExternalForce], given) if not is_element(each)] if found else given
 
     @lazy
     def names(self) -> tuple[str, ...]:
@@ -130,9 +128,8 @@ class SimulatedMotion:
             q_end: Shape (nq,).
         """
         places = self._motor_places
-        if places is None:
-            return float(tau.dot(pin.difference(self.robot.model, q, q_end)[self.robot.motors]))
-        return float(tau.dot((q_end - q)[places]))
+        moved = (q_end - q)[places] if places is not None else pin.difference(self.robot.model, q, q_end)[self.robot.motors]
+        return float(tau.dot(moved))
 
     @lazy
     def _motor_places(self) -> Array | None:
@@ -272,8 +269,7 @@ class Event(Displayed):
 
     def __str__(self) -> str:
         impact = f" at {self.speed:.3g} m/s, impulse {self.impulse:.3g} N s" if self.speed else ""
-        which = f"[{self.point}]" if self.point >= 0 else ""
-        return f"{self.t:.6f} s: {self.name}{which} {self.kind}{impact}"
+        return f"{self.t:.6f} s: {self.name}{f'[{self.point}]' if self.point >= 0 else ''} {self.kind}{impact}"
 
 
 class AtEvents(NamedTuple):
@@ -337,8 +333,9 @@ class Sample(Displayed):
         cls, t: float, state: State, a: Array, tau: Array, forces: Callable[[], Mapping[str, ConstraintForce]], **more: Any
     ) -> Sample:
         """The sample at a state; `forces` are the `constraint_forces`, and `more` the attributes after them."""
-        known = {"state": state, "robot": state.robot, "q": state.q, "v": state.v, "constraint_forces": forces}
-        return filled(cls, t=t, a=a, tau=tau, **known, **more)
+        return filled(
+            cls, t=t, a=a, tau=tau, state=state, robot=state.robot, q=state.q, v=state.v, constraint_forces=forces, **more
+        )
 
     def but(self, **changed: Any) -> Sample:
         """The same with other attributes, at the same state."""

@@ -25,7 +25,7 @@ from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.simulation.velocity_problem import EXACT as ENOUGH, FINE, QUICK, ROUNDING, STILL
 from rbd.solvers.kkt_kernel import holding
 from rbd.solvers.newton_kernel import EXACT, MOST_STEPS, PROXIMAL, Problem, Settings, damped_steps, loads, project, room_of
-from rbd.solvers.small_systems import pivoted_factor, pivoted_solve, product
+from rbd.solvers.small_systems import add_product, pivoted_factor, pivoted_solve, product
 
 UNDECIDED, REST, LEAST, NEWTON = range(4)
 """How a step was found: not; all points stick, by forces of least norm; active points do, likewise; otherwise."""
@@ -110,28 +110,28 @@ def moved(q: Array, out: Array, v: Array, h: float, bases: Array, carried: Array
 
 
 @compiled
-def _mapped(matrix: Array, X: Array, x: Array, one: Array, other: Array, out: Array) -> None:
-    """`rbd.answers.prepared.contact_bodies.BilinearMap`."""
-    products = np.empty(len(one))
-    for c in range(len(one)):
-        products[c] = X[one[c]] * x[other[c]]
-    product(matrix, products, out)
+def _turned_to(X: Array, at: int, G: Array, x: float, y: float, z: float, out: Array) -> None:
+    """G^T R (x, y, z) of the body whose placement begins at `at`."""
+    for r in range(3):
+        out[3 + r] = X[at + r] * x + X[at + 3 + r] * y + X[at + 6 + r] * z
+    for r in range(3):
+        out[r] = G[0, r] * out[3] + G[1, r] * out[4] + G[2, r] * out[5]
 
 
 @compiled
 def points(
-    X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: Array, other: Array, gap: Array, velocity: Array
+    X: Array, V: Array, gaps: Array, height: Array, of: Array, axes: Array, arms: Array, gap: Array, velocity: Array
 ) -> tuple[float, float, float]:
     """Write gap and velocity of all points; the least and the largest gap, and the least velocity along a normal."""
-    for i in range(len(height)):
-        total = -height[i]
-        for c in range(len(X)):
-            total += gaps[i, c] * X[c]
-        gap[i] = total
-    _mapped(matrix, X, V, one, other, velocity)
-    lowest, highest, approach = math.inf, -math.inf, math.inf
+    lowest, highest, approach, own = math.inf, -math.inf, math.inf, np.empty(6)
+    gap[:] = -height
+    add_product(gaps, X, gap)
     for i in range(len(gap)):
-        lowest, highest, approach = min(lowest, gap[i]), max(highest, gap[i]), min(approach, velocity[3 * i + 2])
+        b, x, y, z = 6 * of[i], arms[i, 0], arms[i, 1], arms[i, 2]
+        p, q, s = V[b + 3], V[b + 4], V[b + 5]
+        _turned_to(X, 12 * of[i], axes[i], V[b] + q * z - s * y, V[b + 1] + s * x - p * z, V[b + 2] + p * y - q * x, own)
+        velocity[3 * i : 3 * i + 3] = own[:3]
+        lowest, highest, approach = min(lowest, gap[i]), max(highest, gap[i]), min(approach, own[2])
     return lowest, highest, approach
 
 
@@ -173,6 +173,14 @@ def _columns(
                 turns += w * arm[r]
                 square += w * w
             centripetal[j] = along * turns - square * (d[0] * arm[0] + d[1] * arm[1] + d[2] * arm[2])
+
+
+@compiled
+def _add_felt(felt: Array, first: Array, width: Array, moved: Array, velocity: Array) -> None:
+    """Add what the points' velocities are in those of the rows to `velocity`."""
+    for j in range(len(velocity)):
+        for r in range(width[j // 3]):
+            velocity[j] += felt[j, r] * moved[first[j // 3] + r]
 
 
 @compiled
@@ -219,19 +227,17 @@ def _by_newton(given: Problem, parts: Array, guess: Array, coulomb: bool, f: Arr
                 columns[j, r] *= unit[i]
     rate = rate if rate > 0.0 else 1.0
     for i in parts:
-        for j in range(3 * i, 3 * i + 3):
-            w[j] = guess[j] / (unit[i] * rate)
+        w[3 * i : 3 * i + 3] = guess[3 * i : 3 * i + 3] / (unit[i] * rate)
     problem = Problem(
         given.D, given.c, columns, columns, offset / rate, given.first, given.width, given.lower, given.upper, given.mu
     )
     room, none, exact, merit = room_of(problem), np.zeros(len(f)), max(ENOUGH, ROUNDING / rate), math.inf
     soft = np.zeros(len(unit))
     for attempt in range(3):
-        settings = Settings(soft, none, PROXIMAL, 0, QUICK, coulomb)
-        if attempt == 1:  # rows that are nearly dependent: the steps' own regularisation stalls them
-            settings = Settings(soft, none, FINE, 0, QUICK, coulomb)
-        elif attempt == 2:  # from all points open
-            settings = Settings(soft, none, PROXIMAL, EARLY, MOST_STEPS, coulomb)
+        # Then for rows that are nearly dependent, which the steps' own regularisation stalls; then from all points open.
+        early, most = (EARLY, MOST_STEPS) if attempt == 2 else (0, QUICK)
+        settings = Settings(soft, none, FINE if attempt == 1 else PROXIMAL, early, most, coulomb)
+        if attempt == 2:
             w[:] = 0.0
         merit, _ = damped_steps(problem, parts, w, settings, EXACT, room)
         if merit <= exact:
@@ -245,23 +251,26 @@ def _by_newton(given: Problem, parts: Array, guess: Array, coulomb: bool, f: Arr
 
 
 @compiled
+def _mobility(given: Problem, rows: Array) -> Array:
+    """Accelerations of some of the points' rows by unit forces on them."""
+    D, moved = np.zeros((len(rows), len(rows))), np.empty(len(given.D))
+    for e in range(len(rows)):
+        at, moved[:] = given.first[rows[e] // 3], 0.0
+        for r in range(given.width[rows[e] // 3]):
+            for s in range(len(moved)):
+                moved[s] += given.columns[rows[e], r] * given.D[at + r, s]
+        for c in range(len(rows)):
+            at = given.first[rows[c] // 3]
+            for r in range(given.width[rows[c] // 3]):
+                D[e, c] += moved[at + r] * given.columns[rows[c], r]
+    return D
+
+
+@compiled
 def _at_rest(given: Problem, parts: Array, guess: Array, f: Array) -> tuple[float, bool]:
     """`kkt_kernel.holding` of some points."""
-    k = 3 * len(parts)
-    rows, B, D, none = np.empty(k, np.int64), np.zeros((k, len(given.D))), np.empty((k, k)), np.empty(0)
-    for e in range(k):
-        rows[e] = 3 * parts[e // 3] + e % 3
-        at = given.first[parts[e // 3]]
-        for r in range(given.width[parts[e // 3]]):
-            for s in range(len(given.D)):
-                B[e, s] += given.columns[rows[e], r] * given.D[at + r, s]
-    for e in range(k):
-        at = given.first[parts[e // 3]]
-        for c in range(k):
-            D[c, e] = 0.0
-            for r in range(given.width[parts[e // 3]]):
-                D[c, e] += B[c, at + r] * given.columns[rows[e], r]
-    w, cones = np.empty(k), 3 * np.arange(len(parts))
+    rows, w, none = (3 * parts.reshape(-1, 1) + np.arange(3)).ravel(), np.empty(3 * len(parts)), np.empty(0)
+    D, cones = _mobility(given, rows), 3 * np.arange(len(parts))
     found = holding(D, given.offset[rows], guess[rows], STILL, True, True, cones, given.mu[parts], none, none, w)
     f[:] = 0.0
     f[rows] = w
@@ -314,16 +323,14 @@ def _advance(
     all_rows(M, J, bias, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
     if holding_forces(terms, F) != m:
         return UNDECIDED, math.inf
-    a, part, turns, rests = np.empty(n), 1.0, 0.0, len(shift) == 0 and active.all()
+    a, part, turns, rests = np.empty(n), 1.0, 0.0, bool(len(shift) == 0 and active.all())
     if len(mean):  # velocities of the rows that the motion which holds them would have
         accelerated(terms, terms.z, parent, F, a)
-        for i in range(n):
-            end[i] = mean[i] + 0.5 * h * a[i]
+        end[:] = mean + 0.5 * h * a
         _row_velocities(terms, end, parent, moved)
         part = 0.5
     else:
-        for j in range(len(u)):
-            rests = rests and u[j] == 0.0
+        rests = rests and not u.any()
     for i in range(len(sites)):
         for r in range(sites[i, ROW], sites[i, ROW] + sites[i, SIZE]):
             turns += terms.velocity[r] ** 2 if sites[i, SIZE] > 3 else 0.0
@@ -332,19 +339,14 @@ def _advance(
             row_forces(terms, moved.copy(), -1.0 / h, F)
         if _least(X, sites, of, axes, shares, F, mu, h, f):
             accelerated(terms, terms.z, parent, F, a)
-            for i in range(n):
-                end[i] = start[i] + h * a[i]
+            end[:] = start + h * a
             return REST, 0.0
-    felt, centripetal, first, width = np.empty((3 * k, 6)), np.empty(3 * k), np.empty(k, np.int64), np.empty(k, np.int64)
+    felt, centripetal, first, width = np.empty((3 * k, 6)), np.empty(3 * k), sites[of, ROW], sites[of, SIZE]
     _columns(X, twists, sites, of, axes, arms, felt, centripetal)
-    for r in range(m):
-        moved[r] += h * terms.free[r]
-    for i in range(k):
-        first[i], width[i] = sites[of[i], ROW], sites[of[i], SIZE]
-        for j in range(3 * i, 3 * i + 3):
-            velocity[j] = part * h * centripetal[j] + (0.0 if len(mean) else u[j])
-            for r in range(width[i]):
-                velocity[j] += felt[j, r] * moved[first[i] + r]
+    moved += h * terms.free
+    for j in range(3 * k):
+        velocity[j] = part * h * centripetal[j] + (0.0 if len(mean) else u[j])
+    _add_felt(felt, first, width, moved, velocity)
     none, parts, how, merit = np.empty(0), np.flatnonzero(active), NEWTON, math.inf
     given = Problem(terms.mobility, np.zeros(m), felt, felt, velocity, first, width, none, none, mu)
     if len(shift) == 0:
@@ -357,12 +359,9 @@ def _advance(
             return UNDECIDED, merit
     loads(given, parts, f, F)
     accelerated(terms, terms.z, parent, F / h, a)
-    for i in range(n):
-        end[i] = start[i] + h * a[i]
+    end[:] = start + h * a
     product(terms.mobility, F, moved)
-    for j in range(3 * k):
-        for r in range(width[j // 3]):
-            velocity[j] += felt[j, r] * moved[first[j // 3] + r]
+    _add_felt(felt, first, width, moved, velocity)
     return how, merit
 
 
@@ -372,33 +371,19 @@ def _toward(
     of: Array, axes: Array, arms: Array, shares: Array, mu: Array, closes: Array, gap: Array, out: Array,
 ) -> None:  # fmt: skip
     """Write the least displacement in the metric of M that closes the gaps of some points; arguments as of `_advance`."""
-    m, k = shares.shape[2], len(gap)
-    terms, felt, none, f = terms_in(space, len(parent), m), np.empty((3 * k, 6)), np.empty(3 * k), np.zeros(m)
+    m, k, chosen = shares.shape[2], len(gap), np.flatnonzero(closes)
+    terms, felt, w, f = terms_in(space, len(parent), m), np.empty((3 * k, 6)), np.zeros(3 * k), np.empty(m)
     all_rows(M, J, bias, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
-    _columns(X, twists, sites, of, axes, arms, felt, none)
-    chosen = np.flatnonzero(closes)
-    count, x = len(chosen), -gap[chosen]
-    N, D, order = np.zeros((count, m)), np.empty((count, count)), np.empty(count, np.int64)
-    for e in range(count):
-        i = chosen[e]
-        for r in range(sites[of[i], SIZE]):
-            N[e, sites[of[i], ROW] + r] = felt[3 * i + 2, r]
-        product(terms.mobility, N[e], f)
-        for c in range(e + 1):
-            D[e, c] = 0.0
-            for r in range(m):
-                D[e, c] += N[c, r] * f[r]
-            D[c, e] = D[e, c]
+    _columns(X, twists, sites, of, axes, arms, felt, np.empty(3 * k))
+    none, first, width = np.empty(0), sites[of, ROW], sites[of, SIZE]
+    given = Problem(terms.mobility, f, felt, felt, w, first, width, none, none, mu)
+    D, order = _mobility(given, 3 * chosen + 2), np.empty(len(chosen), np.int64)
     scale = 1.0 / np.sqrt(np.diag(D))
-    for e in range(count):
-        x[e] *= scale[e]
-        for c in range(count):
-            D[e, c] *= scale[e] * scale[c]
+    D *= scale.reshape(-1, 1) * scale
+    x = -gap[chosen] * scale
     pivoted_solve(D, order, pivoted_factor(D, order, _REPEATS), x)
-    f[:] = 0.0
-    for e in range(count):
-        for r in range(m):
-            f[r] += N[e, r] * x[e] * scale[e]
+    w[3 * chosen + 2] = x * scale
+    loads(given, chosen, w, f)
     accelerated(terms, np.zeros(len(parent)), parent, f, out)
 
 
@@ -411,15 +396,6 @@ _POINTS = (_WHOLE, array(3), array(2), array(3), array(1))
 _STEP = (array(1), array(1), array(1), array(1), array(1), _FLAGS, NUMBER, FLAG)
 advance = compiled(_advance, signature((COUNT, NUMBER), *_TERMS, *_STEP, *_POINTS, _WRITTEN, _WRITTEN, _WRITTEN))
 toward = compiled(_toward, signature(None, *_TERMS, *_POINTS, _FLAGS, array(1), _WRITTEN))
-
-
-@compiled
-def _turned_to(X: Array, at: int, G: Array, x: float, y: float, z: float, out: Array) -> None:
-    """G^T R (x, y, z) of the body whose placement begins at `at`."""
-    for r in range(3):
-        out[3 + r] = X[at + r] * x + X[at + 3 + r] * y + X[at + 6 + r] * z
-    for r in range(3):
-        out[r] = G[0, r] * out[3] + G[1, r] * out[4] + G[2, r] * out[5]
 
 
 @compiled
@@ -464,10 +440,8 @@ def residual(
         end: The same at the end.
         h: Length of the half step [s].
     """
-    largest, off, most = 1.0, 0.0, 1.0
-    for i in range(len(f)):
-        largest = max(largest, abs(f[i]))
-    size = largest
+    size = largest = max(1.0, np.abs(f).max())
+    off, most = 0.0, 1.0
     for i in range(len(a)):
         size, off, most = max(size, abs(applied[i])), max(off, abs(taken[i] - applied[i])), max(most, abs(a[i]))
     outside, moved, A, turned = 0.0, 0.0, np.empty(6), np.empty(6)

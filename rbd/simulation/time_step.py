@@ -209,8 +209,8 @@ class StepSystem:
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
         passed = Passed()
-        end = self._advanced(half, t_end, passed)
-        return Step(end.at_time(t_end), passed)  # sums of parts are off by rounding
+        end = self._advanced(half, t_end, passed).__dict__
+        return Step(filled(Instant, **{**end, "t": t_end}), passed)  # sums of parts are off by rounding
 
     def _advanced(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         t = half.start.t
@@ -259,13 +259,14 @@ class StepSystem:
         def solution(force: Array, E: Array | None) -> VelocityAnswer:
             return self._answer(equations, force, E, guess, shift, before.norms)
 
-        if terms is None:
-            answer, dissipated, implicit = solution(applied, None), 0.0, None
-        else:
-            answer, dissipated, implicit = self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
-        other_work = 0.0
-        if not (still and self.still(answer.velocity)):  # of friction, and of points that are stopped
-            other_work = 0.5 * float(answer.impulse @ (u0 + answer.velocity))
+        answer, dissipated, implicit = (
+            (solution(applied, None), 0.0, None)
+            if terms is None
+            else self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
+        )
+        # of friction, and of points that are stopped
+        rubs = not (still and self.still(answer.velocity))
+        other_work = 0.5 * float(answer.impulse @ (u0 + answer.velocity)) if rubs else 0.0
         if middle is not None and len(answer.impulse):  # of ground that moves
             other_work += float(answer.impulse @ (middle.J @ state.v - middle.velocity))
         if pushes is not None:
@@ -312,8 +313,8 @@ class StepSystem:
         rate = (first.answer.velocity[rows] * kept - u0) / (0.5 * first.h)
         s = -(u0 * rate).sum(axis=1) / np.maximum((rate * rate).sum(axis=1), 1e-300)
         left = np.hypot(*(u0 + s[:, None] * rate).T)
-        s = s[(s > 1e-3 * h) & (s < (1.0 - 1e-3) * h) & (left < 0.1 * np.hypot(*u0.T))]
-        return float(s.min(initial=h)) % h
+        stops = (s > 1e-3 * h) & (s < (1.0 - 1e-3) * h) & (left < 0.1 * np.hypot(*u0.T))
+        return float(s[stops].min(initial=h)) % h
 
     def _located(self, half: HalfStep, whole: WholeStep) -> WholeStep:
         """A shorter step, up to the first contact."""
@@ -335,10 +336,7 @@ class StepSystem:
             deepest = float(apart.min(initial=np.inf))
             if abs(deepest) <= 1.0 or high - low < 1e-12 * h:
                 break
-            if deepest > 0.0:
-                low, at_low = s, found
-            else:
-                high, at_high = s, found
+            low, at_low, high, at_high = (s, found, high, at_high) if deepest > 0.0 else (low, at_low, s, found)
         return whole
 
     def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed, *, caught: bool = False) -> Instant:
@@ -359,10 +357,8 @@ class StepSystem:
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
             # A redundant corner without load that does not move has not left.
-            if active is layout.everything and self.still(answer.velocity):
-                closed = active
-            else:
-                closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
+            still = active is layout.everything and self.still(answer.velocity)
+            closed = active if still else layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
             if not self.correction.in_place(end, gaps):
                 made, moved, pressed = end, 0.5 * h * velocity[layout.normals], closed & (answer.impulse[layout.normals] > 0.0)

@@ -30,7 +30,7 @@ from rbd.simulation.trajectory_contents import (
     for_netcdf,
     header_of,
 )
-from rbd.simulation.trajectory_fields import ENERGY, checked, table
+from rbd.simulation.trajectory_fields import ENERGY, ENTRIES, checked, table
 from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 
 if TYPE_CHECKING:
@@ -205,12 +205,9 @@ class Trajectory(Displayed):
             InputError: no samples.
             NoSolution: a number that is not finite.
         """
-        if isinstance(samples, Recording):
-            recording = samples
-        else:
-            recording = Recording(motion)
-            for sample in samples:
-                recording.add(sample)
+        recording = samples if isinstance(samples, Recording) else Recording(motion)
+        for sample in () if isinstance(samples, Recording) else samples:
+            recording.add(sample)
         if not len(recording):
             raise InputError("a trajectory has one sample or more; none was recorded.")
         return cls(
@@ -417,12 +414,8 @@ class Trajectory(Displayed):
         chosen = range(len(self))[key]
         if not len(chosen) or chosen.step < 0:
             raise InputError(f"[{key.start}:{key.stop}:{key.step}] of a trajectory has no samples, or goes back in time.")
-        fields: dict[str, Any] = dict(self.__dict__)
-        for name, value in fields.items():
-            if isinstance(value, np.ndarray):
-                fields[name] = value[key]
-            elif isinstance(value, dict):
-                fields[name] = {each: x[key] for each, x in value.items()}
+        fields = self.__dict__ | {name: x[key] for name, x in self.__dict__.items() if isinstance(x, np.ndarray)}
+        fields |= {name: {each: x[key] for each, x in getattr(self, name).items()} for name in ENTRIES}
         first, last = fields["t"][0], fields["t"][-1]
         fields["events"] = tuple(e for e in self.events if first <= e.t <= last)
         return Trajectory(**fields)

@@ -66,10 +66,7 @@ class FieldColumn:
 
     def put(self, fields: dict[str, Any], array: Array) -> None:
         """Set the array among the fields."""
-        if self.field:
-            fields.setdefault(self.field, {})[self.name] = array
-        else:
-            fields[self.name] = array
+        (fields.setdefault(self.field, {}) if self.field else fields)[self.name] = array
 
 
 def sizes_of(robot: CheckedModel) -> dict[str, int]:
@@ -167,9 +164,8 @@ def checked(fields: Fields) -> dict[str, Any]:
     out: dict[str, Any] = {**fields, "t": times, **{name: {} for name in ENTRIES}}
     sizes = sizes_of(robot)
     for c in columns_of(list(fields["forces"]), fields["points"]):
-        value = c.of(fields)
-        if c.missing is not None and not np.size(value):
-            value = np.full(n, c.missing)
+        given = c.of(fields)
+        value = np.full(n, c.missing) if c.missing is not None and not np.size(given) else given
         array = _checked_array(c, value, [n, *[sizes.get(dim) for dim in c.dims]])
         sizes.update(zip(c.dims, array.shape[1:], strict=True))
         c.put(out, array)
@@ -230,8 +226,7 @@ _EVENTS, _CONSTRAINTS = 8, 16
 def table(fields: Fields) -> str:
     """The certificate of a motion: duration, steps, method; energy and momentum; worst residuals; constraints; first events."""
     x = {**fields, "energy": fields["kinetic"] + fields["potential"] + fields["elastic"]}
-    lines = [_headline(x), *_method(x), *_kept(x), *_residuals(x)]
-    return "\n".join([*lines, *_constraints(x), *_events(x)])
+    return "\n".join([_headline(x), *_method(x), *_kept(x), *_residuals(x), *_constraints(x), *_events(x)])
 
 
 def _headline(x: Fields) -> str:
@@ -260,9 +255,8 @@ def _kept(x: Fields) -> list[str]:
 
 def _stored(x: Fields) -> list[str]:
     elastic = x["elastic"]
-    if not elastic.any():
-        return []
-    return [_line("", f"in springs {elastic[0]:.4g} -> {elastic[-1]:.4g} J, at most {elastic.max():.4g} J")]
+    said = f"in springs {elastic[0]:.4g} -> {elastic[-1]:.4g} J, at most {elastic.max():.4g} J"
+    return [_line("", said)] if elastic.any() else []
 
 
 def _worked(x: Fields) -> str:
@@ -271,11 +265,8 @@ def _worked(x: Fields) -> str:
     most = float(rest[np.abs(rest).argmax()])
     if not taken.any():
         return f"work of the motors {done[-1]:.4g} J; energy less this work changes by {most:.3g} J"
-    if not done.any():
-        return f"work taken by dampers {taken[-1]:.4g} J; energy with this work changes by {most:.3g} J"
-    return (
-        f"work of the motors {done[-1]:.4g} J, taken by dampers {taken[-1]:.4g} J; energy without both changes by {most:.3g} J"
-    )
+    motors, rest = (f"work of the motors {done[-1]:.4g} J, ", "out both") if done.any() else ("work ", " this work")
+    return f"{motors}taken by dampers {taken[-1]:.4g} J; energy with{rest} changes by {most:.3g} J"
 
 
 def _residuals(x: Fields) -> list[str]:

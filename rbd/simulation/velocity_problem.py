@@ -36,7 +36,7 @@ from rbd.problem.rows import Rows
 from rbd.simulation.stacked_points import PointLayout, Snapshot
 from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.kkt import StickingSolver, independent_factor
-from rbd.solvers.newton import Scaled, compiled_weights, scaled, steps_from, yielding_steps
+from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 EXACT = 1e-10
@@ -284,9 +284,6 @@ def point_impulses(
     T, coulomb = rows.sets, law == "coulomb"
     # It can happen that no friction opposes the velocity in the middle of the step, u + shift: then that at the end is used.
     for velocity in (u,) if shift is None else (u + shift, u):
-        quick = _quick(D, velocity, T, guess, coulomb)
-        if quick is not None:
-            return *quick, False
         x, merit, S = _newton(D, velocity, T, guess, coulomb)
         exact = _least_merit(S.rate)
         if merit <= exact:
@@ -294,17 +291,7 @@ def point_impulses(
     x, merit = yielding_steps(S, S.guess(T.project(holding(problem()))), coulomb=coulomb)
     if merit > exact:
         x, merit = yielding_steps(S, np.zeros(T.size), coulomb=coulomb)
-    if merit <= exact:
-        return T.project(S.weights(x)), merit, False
-    return *_portfolio(problem(), law), False
-
-
-def _quick(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float] | None:
-    """(row impulses, merit) by the first steps of `_newton`, compiled; None where they do not lead to an answer."""
-    found = compiled_weights(D, u, T, guess, coulomb=coulomb, iterations=QUICK)
-    if found is None or not found[1] <= _least_merit(found[2]):
-        return None
-    return found[:2]
+    return (T.project(S.weights(x)), merit, False) if merit <= exact else (*_portfolio(problem(), law), False)
 
 
 def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float, Scaled]:
@@ -356,9 +343,7 @@ def independent_rows(
         norms: The norms that an earlier call for these rows returned: a row is scaled by its largest norm so far.
     """
     H = W[:, held]
-    lengths = np.sqrt(np.einsum("ij,ij->j", H, H))
-    if norms is not None:
-        lengths = np.maximum(lengths, norms)
+    lengths = np.maximum(np.sqrt(np.einsum("ij,ij->j", H, H)), 0.0 if norms is None else norms)
     most = float(lengths.max())
     lengths = np.maximum(lengths, 1e-6 * most) if most > 0.0 else np.ones(len(lengths))
     R, info = lapack.dpotrf(H.T @ H, lower=0, clean=0)

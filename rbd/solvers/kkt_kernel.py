@@ -106,9 +106,7 @@ def _from(
     cones: Array, mu: Array, lower: Array, upper: Array, w: Array, missed: Array,
 ) -> float:  # fmt: skip
     """How far D w + u is from zero, scaled, of impulses from those in w; infinite where none near them are an answer."""
-    rate = 0.0
-    for x in u:
-        rate = max(rate, abs(x))
+    rate = np.abs(u).max()
     last = rate == 0.0
     for i in range(0 if last else _ROUNDS):
         _nearer(D, C, u, w, missed)
@@ -116,10 +114,9 @@ def _from(
             if not others or not _other(D, C, u, cones, mu, lower, upper, w, missed):
                 return math.inf
         product(D, w, missed)
-        most = 0.0
-        for r in range(len(u)):
-            most = max(most, abs(missed[r] + u[r]))
-        merit = ratio / rate * most  # an upper bound: of the scaled error, over the largest entry of `missed`
+        merit = (
+            ratio / rate * np.abs(missed + u).max()
+        )  # an upper bound: of the scaled error, over the largest entry of `missed`
         if merit <= exact and (others or last):  # from zero one more round, to rounding: a body at rest must not creep
             return merit if i == 0 or _allowed(w, cones, mu, lower, upper) else math.inf
         last = merit <= exact

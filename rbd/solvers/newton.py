@@ -158,24 +158,6 @@ def solve_newton(
     return parts.project(problem.weights(w)), merit, steps
 
 
-def compiled_weights(
-    D: Array, y_free: Array, parts: ForceSet, w0: Array, *, coulomb: bool, iterations: int
-) -> tuple[Array, float, float] | None:
-    """(weights, merit, rate) of `solve_newton` in one call, bit for bit; None where the columns have another order.
-
-    The merit is scaled; the rate is that of `Scaled`.
-    """
-    order = order_of(parts)
-    if order.columns is not None:
-        return None
-    out = np.empty(len(w0))
-    D, y_free, w0 = np.ascontiguousarray(D), np.ascontiguousarray(y_free), np.ascontiguousarray(w0)
-    merit, rate = newton_kernel().weights(
-        D, y_free, order.identity, order.first, order.lower, order.upper, order.mu, w0, coulomb, iterations, out
-    )
-    return parts.project(out), merit, rate
-
-
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT,
     soft: float = 0.0, about: Array | None = None,

@@ -519,18 +519,3 @@ scaled = compiled(
     _scaled,
     signature((array(2, written=True), *[array(1, written=True)] * 4, NUMBER), array(2), array(1), array(1), array(1)),
 )
-
-
-def _weights(
-    D: Array, y: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array,
-    start: Array, coulomb: bool, iterations: int, out: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """`newton.scaled` and its steps: (merit, rate), with the weights in `out`."""
-    own, q, low, high, unit, rate = scaled(D, y, lower, upper)
-    out[:], none = start / unit, np.zeros(len(y))
-    merit, _ = newton_steps(own, q, columns, first, low, high, mu, out, coulomb, iterations, 0.0, none, PROXIMAL, EXACT)
-    out *= unit
-    return merit, rate
-
-
-weights = compiled(_weights, signature((NUMBER, NUMBER), *_DENSE, array(1), FLAG, COUNT, array(1, written=True)))

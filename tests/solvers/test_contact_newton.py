@@ -17,7 +17,7 @@ from rbd.answers.prepared.constraint_dynamics import spread_out
 from rbd.problem.cones import Bounds, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
 from rbd.solvers.law_kernel import forces
-from rbd.solvers.newton import FOUND, Scaled, _gap, _matrix, compiled_weights, family_limit, scaled, steps_from
+from rbd.solvers.newton import FOUND, Scaled, _gap, _matrix, family_limit, scaled, steps_from
 from rbd.solvers.newton_kernel import Problem
 
 MIXED = Product([FrictionCone(0.5), Free(1), Bounds([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3]), NonNegative(2), FrictionCone(1.2)])
@@ -162,26 +162,6 @@ def test_a_hundred_points_are_solved_by_lapack(coulomb, rng):
     assert merit < FOUND and np.abs(_gap(S, w, y, coulomb)[0]).max() < FOUND
     still = scaled(np.zeros((300, 300)), np.tile([0.0, 0.0, -1.0], 100), T)  # all stick, and nothing moves
     assert steps_from(still, np.zeros(300), coulomb=coulomb, proximal=0.0)[1:] == (1.0, 0)
-
-
-@pytest.mark.parametrize("coulomb", [False, True])
-def test_weights_in_one_call_are_those_of_its_parts_to_the_last_bit(coulomb, rng):
-    """Scaled, steps taken, brought into their sets: cones, and singles before them; without motion; forces far off."""
-    for cones in (Product([FrictionCone(0.5)] * 4), Product([Free(1), Bounds([-1.0, 0.3], [2.0, 0.3]), FrictionCone(1.2)])):
-        T = at_rest(cones)
-        for k in range(40):
-            A = rng.normal(size=(T.size, T.size)) * 10.0 ** rng.uniform(-2.0, 2.0, T.size)
-            y_free, w0 = A @ rng.normal(size=T.size) * (k > 0), rng.normal(size=T.size)
-            D = A @ A.T + 0.1 * np.eye(T.size)
-            for iterations in (1, 30):
-                found = compiled_weights(D, y_free, T, w0, coulomb=coulomb, iterations=iterations)
-                S = scaled(D, y_free, T)
-                w, merit, _ = steps_from(S, S.guess(w0), coulomb=coulomb, iterations=iterations)
-                assert found is not None and found[1:] == (merit, S.rate)
-                assert np.array_equal(found[0], T.project(S.weights(w)))
-    turned = at_rest(Product([FrictionCone(0.5), Free(1)]))
-    settings = {"coulomb": coulomb, "iterations": 9}
-    assert compiled_weights(np.eye(4), np.zeros(4), turned, np.zeros(4), **settings) is None  # another order
 
 
 def test_whole_numbers_as_friction_and_bounds():

@@ -203,30 +203,6 @@ class Workspaces:
             self.put_back(space)
 
 
-class BilinearMap:
-    """The map (x, y) -> T x y, as one constant matrix on the products of entries of x and y that take part.
-
-    Args:
-        T: Shape (p, len(x), len(y)).
-    """
-
-    def __init__(self, T: Array) -> None:
-        used = np.flatnonzero(T.any(axis=0))
-        self.matrix = T.reshape(len(T), -1)[:, used].copy()
-        self.one, self.other = np.unravel_index(used, T.shape[1:])
-
-    @property
-    def parts(self) -> tuple[Array, Array, Array]:
-        """The matrix; and of each product, which entry of x and which of y it has."""
-        return self.matrix, self.one, self.other
-
-    def __call__(self, x: Array, y: Array) -> Array:
-        """Shape (..., p), of x and y with the same leading dimensions."""
-        products = x.take(self.one, axis=-1)
-        products *= y.take(self.other, axis=-1)
-        return np.asarray(products @ self.matrix.T)
-
-
 class ContactBodies(Workspaces):
     """The bodies of a robot that contacts touch, as `prepared` and a time step have them: what is constant.
 
