@@ -228,7 +228,7 @@ def test_a_quadratic_program_does_not_depend_on_where_it_lies():
     found: Counter[str] = Counter()
     for _ in range(150):
         litter.scatter()
-        answer = next(qp.attempts(np.eye(6), g, None, None, C, l, None))
+        answer = next(qp.attempts(np.eye(6), g, None, None, C, l))
         found[digest([answer.x, answer.z])] += 1
     assert len(found) == 1, found
 
