@@ -213,6 +213,26 @@ def _push_back(
         pushes[base, i] -= w * x
 
 
+@compiled
+def _act_turned(columns: Columns, motions: Array, X: Array, w: Array, pushes: Array) -> None:
+    """Add the forces of columns that are not given in their bodies' axes, or act on two bodies."""
+    for j in range(len(w)):
+        k, base = columns.body[j, 0], columns.body[j, 2]
+        if k < 0 or (columns.body[j, 1] == BODY and base < 0):
+            continue
+        F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
+        r0, r1, r2 = columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
+        m0, m1, m2 = m0 + r1 * F2 - r2 * F1, m1 + r2 * F0 - r0 * F2, m2 + r0 * F1 - r1 * F0
+        pushes[k, 0] += w[j] * F0
+        pushes[k, 1] += w[j] * F1
+        pushes[k, 2] += w[j] * F2
+        pushes[k, 3] += w[j] * m0
+        pushes[k, 4] += w[j] * m1
+        pushes[k, 5] += w[j] * m2
+        if base > 0:
+            _push_back(X, k, base, w[j], F0, F1, F2, m0, m1, m2, pushes)
+
+
 def _act(
     loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
     motions: Array, X: Array, w: Array, pushes: Array, torque: Array,
@@ -247,21 +267,21 @@ def _act(
         pushes[k, 3] += m0 + load[7] * F2 - load[8] * F1
         pushes[k, 4] += m1 + load[8] * F0 - load[6] * F2
         pushes[k, 5] += m2 + load[6] * F1 - load[7] * F0
+    turned = False
     for j in range(len(w)):
-        k, base = columns.body[j, 0], columns.body[j, 2]
-        if k < 0:
+        k = columns.body[j, 0]
+        if k < 0 or columns.body[j, 1] != BODY or columns.body[j, 2] >= 0:
+            turned = turned or k >= 0
             continue
-        F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
-        r0, r1, r2 = columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
-        m0, m1, m2 = m0 + r1 * F2 - r2 * F1, m1 + r2 * F0 - r0 * F2, m2 + r0 * F1 - r1 * F0
-        pushes[k, 0] += w[j] * F0
-        pushes[k, 1] += w[j] * F1
-        pushes[k, 2] += w[j] * F2
-        pushes[k, 3] += w[j] * m0
-        pushes[k, 4] += w[j] * m1
-        pushes[k, 5] += w[j] * m2
-        if base > 0:
-            _push_back(X, k, base, w[j], F0, F1, F2, m0, m1, m2, pushes)
+        F, m, r = columns.force[j], columns.moment[j], columns.arm[j]
+        for a in range(3):
+            pushes[k, a] += w[j] * F[a]
+            pushes[k, 3 + a] += w[j] * m[a]
+        pushes[k, 3] += w[j] * (r[1] * F[2] - r[2] * F[1])
+        pushes[k, 4] += w[j] * (r[2] * F[0] - r[0] * F[2])
+        pushes[k, 5] += w[j] * (r[0] * F[1] - r[1] * F[0])
+    if turned:
+        _act_turned(columns, motions, X, w, pushes)
     for i in range(len(units)):
         torque[units[i, 1]] += gear[i] * w[units[i, 0]]
 
@@ -272,6 +292,66 @@ act = compiled(
         None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(2), array(2), array(1), array(2, written=True), _WRITTEN,
     ),
 )  # fmt: skip
+
+
+@compiled
+def _motion_at(
+    columns: Columns, j: int, X: Array, twists: Array, lifts: Array, fall: Array
+) -> tuple[float, float, float, float, float, float]:
+    """Velocity and acceleration of a column's point, in its joint's axes."""
+    k, r = columns.body[j, 0], columns.arm[j]
+    V, A = twists[k], lifts[k]
+    s0 = V[0] + V[4] * r[2] - V[5] * r[1]
+    s1 = V[1] + V[5] * r[0] - V[3] * r[2]
+    s2 = V[2] + V[3] * r[1] - V[4] * r[0]
+    g0, g1, g2 = _to_body(X[k], fall[0], fall[1], fall[2])
+    g0 += A[0] + A[4] * r[2] - A[5] * r[1] + V[4] * s2 - V[5] * s1
+    g1 += A[1] + A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
+    g2 += A[2] + A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
+    return s0, s1, s2, g0, g1, g2
+
+
+@compiled
+def _moves_turned(
+    columns: Columns, motions: Array, X: Array, twists: Array, lifts: Array, fall: Array, u: Array, y: Array
+) -> float:
+    """Write velocities and accelerations of the columns of `_act_turned`; how far loops are open."""
+    surface, moment_of_loop, open_by = np.zeros((5, 3)), np.empty(3), 0.0
+    W = surface[1]
+    for j in range(len(u)):
+        k, axes, base = columns.body[j, 0], columns.body[j, 1], columns.body[j, 2]
+        if k < 0 or (axes == BODY and base < 0):
+            continue
+        F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
+        V, A = twists[k], lifts[k]
+        s0, s1, s2, g0, g1, g2 = _motion_at(columns, j, X, twists, lifts, fall)
+        w0, w1, w2, t0, t1, t2 = V[3], V[4], V[5], A[3], A[4], A[5]
+        if base >= 0:  # as the surface sees it
+            _of_surface(columns, j, motions, X, twists, lifts, fall, surface)
+            s0, s1, s2 = s0 - surface[0, 0], s1 - surface[0, 1], s2 - surface[0, 2]
+            w0, w1, w2 = w0 - W[0], w1 - W[1], w2 - W[2]
+            g0 -= surface[2, 0] + 2.0 * (W[1] * s2 - W[2] * s1)
+            g1 -= surface[2, 1] + 2.0 * (W[2] * s0 - W[0] * s2)
+            g2 -= surface[2, 2] + 2.0 * (W[0] * s1 - W[1] * s0)
+            t0 -= surface[3, 0] + W[1] * w2 - W[2] * w1
+            t1 -= surface[3, 1] + W[2] * w0 - W[0] * w2
+            t2 -= surface[3, 2] + W[0] * w1 - W[1] * w0
+        u[j] = F0 * s0 + F1 * s1 + F2 * s2 + (m0 * w0 + m1 * w1 + m2 * w2)
+        y[j] = F0 * g0 + F1 * g1 + F2 * g2 + (m0 * t0 + m1 * t1 + m2 * t2)
+        x = columns.along[j]
+        if axes == EDGE_MOMENT:  # of the edge's direction
+            across = w0 * (m1 * x[2] - m2 * x[1]) + w1 * (m2 * x[0] - m0 * x[2]) + w2 * (m0 * x[1] - m1 * x[0])
+            y[j] += (w0 * x[0] + w1 * x[1] + w2 * x[2]) * across
+        if axes == LOOP_MOMENT:
+            W[0], W[1], W[2] = w0, w1, w2
+            extra, gap = _of_loop(columns, j, motions[columns.body[j, 3]], X, W, moment_of_loop)
+            y[j], open_by = y[j] + extra, max(open_by, gap)
+        elif columns.body[j, 4]:
+            gap = 0.0
+            for c in range(3):
+                gap += columns.force[j, c] * (surface[4, c] - x[c])
+            open_by = max(open_by, abs(gap))
+    return open_by
 
 
 def _judged(
@@ -333,49 +413,18 @@ def _judged(
     for i in range(len(units)):
         u[units[i, 0]] += gear[i] * v[units[i, 1]]
         y[units[i, 0]] += gear[i] * a[units[i, 1]]
-    surface, moment_of_loop = np.zeros((5, 3)), np.empty(3)
-    W = surface[1]
+    turned = False
     for j in range(p):
-        k, axes, base = columns.body[j, 0], columns.body[j, 1], columns.body[j, 2]
-        if k < 0:
+        k = columns.body[j, 0]
+        if k < 0 or columns.body[j, 1] != BODY or columns.body[j, 2] >= 0:
+            turned = turned or k >= 0
             continue
-        F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
-        r, V, A = columns.arm[j], twists[k], lifts[k]
-        s0 = V[0] + V[4] * r[2] - V[5] * r[1]
-        s1 = V[1] + V[5] * r[0] - V[3] * r[2]
-        s2 = V[2] + V[3] * r[1] - V[4] * r[0]
-        g0 = A[0] + X[k, 0] * fall[0] + X[k, 1] * fall[1] + X[k, 2] * fall[2]
-        g1 = A[1] + X[k, 3] * fall[0] + X[k, 4] * fall[1] + X[k, 5] * fall[2]
-        g2 = A[2] + X[k, 6] * fall[0] + X[k, 7] * fall[1] + X[k, 8] * fall[2]
-        g0 += A[4] * r[2] - A[5] * r[1] + V[4] * s2 - V[5] * s1
-        g1 += A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
-        g2 += A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
-        w0, w1, w2, t0, t1, t2 = V[3], V[4], V[5], A[3], A[4], A[5]
-        if base >= 0:  # as the surface sees it
-            _of_surface(columns, j, motions, X, twists, lifts, fall, surface)
-            s0, s1, s2 = s0 - surface[0, 0], s1 - surface[0, 1], s2 - surface[0, 2]
-            w0, w1, w2 = w0 - W[0], w1 - W[1], w2 - W[2]
-            g0 -= surface[2, 0] + 2.0 * (W[1] * s2 - W[2] * s1)
-            g1 -= surface[2, 1] + 2.0 * (W[2] * s0 - W[0] * s2)
-            g2 -= surface[2, 2] + 2.0 * (W[0] * s1 - W[1] * s0)
-            t0 -= surface[3, 0] + W[1] * w2 - W[2] * w1
-            t1 -= surface[3, 1] + W[2] * w0 - W[0] * w2
-            t2 -= surface[3, 2] + W[0] * w1 - W[1] * w0
-        u[j] = F0 * s0 + F1 * s1 + F2 * s2 + (m0 * w0 + m1 * w1 + m2 * w2)
-        y[j] = F0 * g0 + F1 * g1 + F2 * g2 + (m0 * t0 + m1 * t1 + m2 * t2)
-        x = columns.along[j]
-        if axes == EDGE_MOMENT:  # of the edge's direction
-            across = w0 * (m1 * x[2] - m2 * x[1]) + w1 * (m2 * x[0] - m0 * x[2]) + w2 * (m0 * x[1] - m1 * x[0])
-            y[j] += (w0 * x[0] + w1 * x[1] + w2 * x[2]) * across
-        if axes == LOOP_MOMENT:
-            W[0], W[1], W[2] = w0, w1, w2
-            extra, gap = _of_loop(columns, j, motions[columns.body[j, 3]], X, W, moment_of_loop)
-            y[j], misses[4] = y[j] + extra, max(misses[4], gap)
-        elif columns.body[j, 4]:
-            gap = 0.0
-            for c in range(3):
-                gap += columns.force[j, c] * (surface[4, c] - x[c])
-            misses[4] = max(misses[4], abs(gap))
+        F, m, V, A = columns.force[j], columns.moment[j], twists[k], lifts[k]
+        s0, s1, s2, g0, g1, g2 = _motion_at(columns, j, X, twists, lifts, fall)
+        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + (m[0] * V[3] + m[1] * V[4] + m[2] * V[5])
+        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + (m[0] * A[3] + m[1] * A[4] + m[2] * A[5])
+    if turned:
+        misses[4] = _moves_turned(columns, motions, X, twists, lifts, fall, u, y)
     for j in range(p):
         if not math.isfinite(u[j] + y[j] + w[j]):
             return math.inf
