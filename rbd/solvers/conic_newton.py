@@ -296,7 +296,7 @@ def interior_point(program: Conic) -> ConicAnswer:
 
 
 def _falls(program: Conic, d: Array) -> bool:
-    """Whether the objective falls without end along d: g . d < 0, no curvature, and all that is met is met for ever."""
+    """Whether the objective falls along d, a direction of recession: g . d < 0, H d = 0, x + t d feasible for all t > 0."""
     recedes = recession(program)
     g, H, A, C = (max_abs(part.ravel()) for part in (program.g, program.H, program.A, program.C))
     fall = _RAY * float(-program.g @ d)

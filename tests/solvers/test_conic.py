@@ -143,7 +143,7 @@ def test_what_falls_without_end_is_told() -> None:
 
 
 def test_what_is_unbounded_has_a_direction(rng: np.random.Generator) -> None:
-    """Drawn programs without curvature along a direction that is allowed for ever, and falls: told, with such a direction."""
+    """Drawn programs with a direction of recession in which the objective falls: UNBOUNDED, and x is such a direction."""
     told = 0
     for _ in range(40):
         program, inside = drawn(rng)

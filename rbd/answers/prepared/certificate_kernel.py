@@ -49,7 +49,7 @@ def _to_body(R: Array, x: float, y: float, z: float) -> tuple[float, float, floa
 
 @compiled
 def _to_world(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The opposite."""
+    """A vector in the axes of a body in those of the world."""
     return (
         R[0] * x + R[3] * y + R[6] * z,
         R[1] * x + R[4] * y + R[7] * z,

@@ -14,7 +14,6 @@ solved the general way: wheels, feedback, constraints of a user's own.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
@@ -24,7 +23,18 @@ import pinocchio as pin
 
 from rbd.answers.analysis.force_choice import MINIMUM_NORM, UNIQUE
 from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source, law_kernel, site_of, source_of
-from rbd.answers.prepared.contact_bodies import MOST, OF_BASE, WORLD, JointEntry, Site, Workspace, Workspaces, keep, plane_gaps
+from rbd.answers.prepared.contact_bodies import (
+    MOST,
+    OF_BASE,
+    WORLD,
+    JointEntry,
+    Site,
+    Workspace,
+    Workspaces,
+    keep,
+    plane_gaps,
+    value_of,
+)
 from rbd.arrays import Array, max_abs, rank_of
 from rbd.constraints.constraint import OPEN
 from rbd.constraints.joint import JointLimit
@@ -504,22 +514,3 @@ def _covered(robot: CheckedModel, constraints: tuple[object, ...]) -> Constraint
     names = {getattr(c, "name", None) for c in constraints}
     covered = len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources))
     return ConstraintDynamics(robot, sources, limits) if covered else None
-
-
-def value_of(x: Any) -> Any:
-    """A key that constraints with the same values share, and their parts; of a user's own objects themselves."""
-    if isinstance(x, np.ndarray):
-        return x.shape, x.tobytes()
-    if isinstance(x, pin.SE3):
-        return x.homogeneous.tobytes()
-    if isinstance(x, tuple | list):
-        return tuple([value_of(part) for part in x])
-    names = _given_names(x.__class__)
-    return x if names is None else (type(x), *[value_of(getattr(x, name)) for name in names])
-
-
-@cache
-def _given_names(kind: type) -> tuple[str, ...] | None:
-    """The fields that an object of this package was made of; None of others."""
-    own = is_dataclass(kind) and kind.__module__.startswith("rbd.")
-    return tuple([f.name for f in fields(kind) if f.repr]) if own else None

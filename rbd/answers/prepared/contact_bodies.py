@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -65,11 +65,6 @@ class Site:
     base: int = -1
     motion: tuple[float, ...] = NO_MOTION
     turn: tuple[float, ...] = NO_MOTION
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """Its values."""
-        return self.joint, self.size, self.axes, self.base, self.motion, self.turn, self.X_JC.homogeneous.tobytes()
 
 
 class JointEntry(NamedTuple):
@@ -227,7 +222,7 @@ class ContactBodies(Workspaces):
     @classmethod
     def of(cls, robot: CheckedModel, sites: Sequence[Site]) -> ContactBodies:
         """Those of a robot, by the values of their sites: contacts are often made anew, with another friction."""
-        key = (cls, *[site.key for site in sites])
+        key = cls, value_of(tuple(sites))
         found: ContactBodies | None = robot.kept_bodies.get(key)
         if found is None:
             found = cls(robot, sites)
@@ -293,3 +288,25 @@ def keep(kept: dict[Any, Any], key: object, value: object, most: int) -> None:
     while len(kept) >= most:  # another thread may have removed it
         kept.pop(next(iter(kept)), None)
     kept[key] = value
+
+
+def value_of(x: Any) -> Any:
+    """A key that objects of this package with the same values share; of a user's own the objects themselves.
+
+    `rbd.model.content_hash.digest` reads users' objects too, and takes twenty times as long.
+    """
+    if isinstance(x, np.ndarray):
+        return x.shape, x.tobytes()
+    if isinstance(x, pin.SE3):
+        return x.homogeneous.tobytes()
+    if isinstance(x, tuple | list):
+        return tuple([value_of(part) for part in x])
+    names = _given_names(x.__class__)
+    return x if names is None else (type(x), *[value_of(getattr(x, name)) for name in names])
+
+
+@cache
+def _given_names(kind: type) -> tuple[str, ...] | None:
+    """The fields that an object of this package was made of; None of others."""
+    own = is_dataclass(kind) and kind.__module__.startswith("rbd.")
+    return tuple([f.name for f in fields(kind) if f.repr]) if own else None
