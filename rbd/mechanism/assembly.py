@@ -121,8 +121,7 @@ def assemble(
     check_flag("within_limits", within_limits)
     robot, q0 = checked(state).robot, state.q
     closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
-    start = closure.start(q0)
-    found = descend(closure, start, tolerance=tolerance, most=max_iterations)
+    found = descend(closure, closure.start(q0), tolerance=tolerance, most=max_iterations)
     if not found.closed:
         found = _from_lower_down(closure, found, tolerance, max_iterations)
     end = found.at
@@ -213,11 +212,8 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
         others = {name: value for name, value in closure.fixed.items() if name != joint}
         less = Closure(closure.robot, closure.constraints, others, loops=False)
         found = descend(less, less.start(q), tolerance=tolerance, most=most)
-        if not found.closed:
-            continue
-        free.append(joint)
-        moved = closure.robot.joints[joint]
-        if moved.nv == 1:
+        free += [joint] * found.closed
+        if found.closed and (moved := closure.robot.joints[joint]).nv == 1:
             out.append(f"{joint!r:.80} at {moved.coordinate(found.at.q):.6g} (not {closure.fixed[joint]!r:.40})")
     if not free:
         return f"Freeing any one of the fixed joints ({', '.join(map(repr, closure.fixed))}) does not help."[:300]
@@ -357,8 +353,8 @@ def branches(
     check_flag("within_limits", within_limits)
     robot = checked(state).robot
     closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
-    poses: list[ConstraintResidual] = []
-    hits, singular = Counter[int](), list[bool]()
+    poses: list[tuple[ConstraintResidual, bool]] = []  # each with whether it is singular
+    hits = Counter[int]()
     nearest: ConstraintResidual | None = None
     refusal: InputError | None = None
     closed = last_new = 0
@@ -374,11 +370,10 @@ def branches(
                 nearest = found.at
             continue
         closed += 1
-        known = next((k for k, pose in enumerate(poses) if distance(robot, pose.q, found.at.q) < SAME), len(poses))
+        known = next((k for k, (pose, _) in enumerate(poses) if distance(robot, pose.q, found.at.q) < SAME), len(poses))
         hits[known] += 1
         if known == len(poses):
-            poses.append(found.at)
-            singular.append(_is_singular(closure, found.at, tolerance, max_iterations))
+            poses.append((found.at, _is_singular(closure, found.at, tolerance, max_iterations)))
             last_new = i
     if not poses:
         if nearest is None:
@@ -386,7 +381,7 @@ def branches(
             raise refusal
         raise _no_start_closes(closure, nearest, tries, tolerance)
     out = []
-    for k, (pose, flat) in enumerate(zip(poses, singular, strict=True)):
+    for k, (pose, flat) in enumerate(poses):
         q = canonical(robot, pose.q, closure.held)
         words = joints_in_words(robot, q, without=closure.fixed)
         out.append(Branch(q, hits[k], pose.residual, flat, beyond_limits(robot, q), words))

@@ -103,8 +103,7 @@ def _found(motion: DrivenMotion, moved: float) -> Trace:
         s = np.linalg.svd(J2, compute_uv=False) if J2.size else np.ones(1)
         least[i] = s[-1] if len(s) >= J2.shape[1] else 0.0
         condition[i] = s[0] / least[i] if least[i] > 0.0 else np.inf
-        for each in beyond_limits(motion.curve.closure.robot, p.q):
-            beyond.setdefault(each.joint, each)
+        beyond |= {x.joint: x for x in beyond_limits(motion.curve.closure.robot, p.q) if x.joint not in beyond}
     return Trace(
         motion.drive.joint,
         values,
@@ -249,11 +248,9 @@ class DrivenMotion:
         return self.drive.rate(step.start) * self.drive.rate(step.end) <= 0.0 and abs(self.drive.rate(step.start)) > 1e-9
 
     def _note(self, step: ArcStep) -> None:
-        if step.crossing is None:
-            return
-        robot = self.curve.closure.robot
-        if not self.crossings or distance(robot, self.crossings[-1].q, step.crossing.q) > 1e-3:
-            self.crossings.append(Bifurcation(self._value(step.crossing), step.crossing.q, float(step.crossing.sigma[-1])))
+        at, known = step.crossing, self.crossings
+        if at is not None and not (known and distance(self.curve.closure.robot, known[-1].q, at.q) <= 1e-3):
+            known.append(Bifurcation(self._value(at), at.q, float(at.sigma[-1])))
 
     def _limit(self, step: ArcStep) -> None:
         value = self._value(step.end) if self.at is step.start else self.value
@@ -274,9 +271,7 @@ class DrivenMotion:
 
     def _sample(self, step: ArcStep, after: float, target: float) -> None:
         """The pose within a step where the joint has the target's value."""
-        found = self._at_value(step, after, target)
-        if found is None:
-            found = self.curve.locate(step, lambda p: self._value(p) - target).end
+        found = self._at_value(step, after, target) or self.curve.locate(step, lambda p: self._value(p) - target).end
         self.samples.append((target, found))
 
     def _at_value(self, step: ArcStep, after: float, target: float) -> Point | None:
@@ -404,8 +399,7 @@ class Trace(Displayed):
             f"{self.residual.max():.0e} m or rad{start}",
             f"  nearest to singular at {told(self.input[worst])}: least singular value of J2 {self.sigma_min[worst]:.3g}",
         ]
-        for limit in self.limits[:_SHOWN]:
-            lines.append(f"  limit: {'at most' if limit.greatest else 'at least'} {told(limit.value)}")
+        lines += [f"  limit: {'at most' if x.greatest else 'at least'} {told(x.value)}" for x in self.limits[:_SHOWN]]
         lines += [f"  passes a singular pose at {told(crossing.value)}: branches meet" for crossing in self.crossings[:_SHOWN]]
         more = max(0, len(self.limits) - _SHOWN) + max(0, len(self.crossings) - _SHOWN)
         lines += [f"  and {more} more of these"] * bool(more)

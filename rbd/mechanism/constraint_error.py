@@ -115,17 +115,12 @@ class Closure(Space[ConstraintResidual]):
         return self._residual(state, tuple([c.rows(state) for c in self.constraints]))
 
     def _residual(self, state: State, rows: tuple[Rows, ...]) -> ConstraintResidual:
-        errors, Js = [], []
-        for r in rows:
-            error, J = position_residual(r)
-            if len(error) and (self._one_sided or type(r.cone) is not NonNegative):
-                errors.append(error)
-                Js.append(J)
-        if not errors:
+        parts = [position_residual(r) for r in rows if self._one_sided or type(r.cone) is not NonNegative]
+        parts = [part for part in parts if len(part[0])]
+        if not parts:
             return ConstraintResidual(state, np.zeros(0), np.zeros((0, len(self.free))), rows)
-        J = np.concatenate(Js) if len(Js) > 1 else Js[0]
-        J = J[:, self.free] * self.scale
-        return ConstraintResidual(state, np.concatenate(errors) if len(errors) > 1 else errors[0], J, rows)
+        error, J = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+        return ConstraintResidual(state, error, J[:, self.free] * self.scale, rows)
 
     def _check(self, rows: list[Rows]) -> None:
         skipped, says = [], False
@@ -144,10 +139,10 @@ class Closure(Space[ConstraintResidual]):
                 says = True
         self.skipped = tuple(skipped)
         if not says:
-            why = "; ".join(skipped) if skipped else "none was given"
             raise InputError(
-                f"no constraint determines a position of {self.robot.name}: {why:.400}. Give constraints with an error, e.g. "
-                "rbd.LoopClosure, a contact with an anchor, a rbd.JointLock with a position."
+                f"no constraint determines a position of {self.robot.name}: {'; '.join(skipped) or 'none was given':.400}. "
+                "Give constraints with an error, e.g. rbd.LoopClosure, a contact with an anchor, a rbd.JointLock with a "
+                "position."
             )
 
 
@@ -265,8 +260,7 @@ class BilateralVelocities:
         for name, value in known.items():
             at = self.joints.velocity(name)
             size = at.stop - at.start
-            shapes = [(size,), ()] if size == 1 else [(size,)]
-            given = as_finite(f"known {what} of {name!r:.80}", value, *shapes)
+            given = as_finite(f"known {what} of {name!r:.80}", value, (size,), *[()] * (size == 1))
             if mask[at].any():
                 raise InputError(f"known {what} of {name!r:.80} is given twice: once for the joint, once for a part of it.")
             mask[at], out[at] = True, given

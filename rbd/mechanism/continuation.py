@@ -173,8 +173,7 @@ class PoseCurve:
         length, between = float(np.linalg.norm(d)), p.tangent + end.tangent
         if not 0.5 * self.size < length < 2.0 * self.size or p.tangent @ end.tangent < np.cos(_MOST_TURN):
             return False
-        sideways = d / length - between / np.linalg.norm(between)
-        return float(np.linalg.norm(sideways)) < _MOST_SIDEWAYS
+        return float(np.linalg.norm(d / length - between / np.linalg.norm(between))) < _MOST_SIDEWAYS
 
     def _flips(self, p: Point, end: Point) -> bool:
         """Whether a singular value has gone through zero, tracked from the last pose: one of them, or several at once."""
@@ -257,8 +256,7 @@ class Drive:
                     f"at the start, {self.joint!r:.80} = {self.place.coordinate(at.q):.6g}, {name} is singular: {freedoms} "
                     "degrees of freedom, branches meet there. Start a little away, on the intended branch."
                 )
-            columns = independent_columns(at.J, ~self.others)
-            free = self.closure.free[columns].tolist()
+            free = self.closure.free[independent_columns(at.J, ~self.others)].tolist()
             joints = [j.name for j in at.state.robot.joints.values() if any(j.v.start <= i < j.v.stop for i in free)]
             others = [x for x in joints if x != self.joint]
             raise InputError(

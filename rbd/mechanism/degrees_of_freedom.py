@@ -266,15 +266,10 @@ def _redundant(held: ConstraintManifold, J: Array, rank: int) -> tuple[tuple[Red
         return (), np.zeros((held.m, 0))
     R, pivots = qr(J.T, mode="r", pivoting=True)
     shares = np.linalg.lstsq(R[:rank, :rank], R[:rank, rank:], rcond=None)[0]
-    rows = []
-    for j, i in enumerate(pivots[rank:]):
-        used = np.sort(pivots[:rank][np.abs(shares[:, j]) > 1e-7])
-        rows.append(RedundantRow(held.names[i], tuple(held.names[k] for k in used)))
-    U = np.linalg.svd(J)[0][:, rank:]
-    stresses = held.weights[:, None] * U
+    used = {i: np.sort(pivots[:rank][np.abs(share) > 1e-7]) for i, share in zip(pivots[rank:], shares.T, strict=True)}
+    stresses = held.weights[:, None] * np.linalg.svd(J)[0][:, rank:]
     stresses /= np.abs(stresses).max(axis=0)
-    rows.sort(key=lambda r: held.names.index(r.row))
-    return tuple(rows), stresses
+    return tuple(RedundantRow(held.names[i], tuple(held.names[k] for k in used[i])) for i in sorted(used)), stresses
 
 
 def _dof(k: int) -> str:
@@ -294,15 +289,13 @@ def count(held: ConstraintManifold, state: State, seed: int) -> Count:
     k = 6 if normal is None else 3
     tree = [model.nvs[j] for j in range(1, model.njoints) if model.nvs[j]]
     closures, others = [], 0
-    first = 0
     for constraint in held.constraints:
-        m = sum(name == constraint.name for name, _ in held.names)
         dof = loop_dof(constraint, state, normal)
         if dof is not None:
             closures.append(dof)
         else:
-            others += m if normal is None else _generic_rank(held, slice(first, first + m), seed)
-        first += m
+            rows = [i for i, (name, _) in enumerate(held.names) if name == constraint.name]
+            others += len(rows) if normal is None else _generic_rank(held, rows, seed)
     each = (*tree, *closures)
     bodies, joints = len(tree) + 1, len(each)
     return Count(k * (bodies - 1 - joints) + sum(each) - others, normal is not None, bodies, joints, each, others)
@@ -314,8 +307,8 @@ def plane_normal(state: State) -> Array | None:
     Axes parallel to n stay so if all rotation is about n.
     """
     model = state.robot.model
-    data = model.createData()
-    columns = pin.computeJointJacobians(model, data, state.q).reshape(6, -1).T  # twists at the origin of W: linear, angular
+    # Twists at the origin of W: linear, angular.
+    columns = pin.computeJointJacobians(model, model.createData(), state.q).reshape(6, -1).T
     turns = [c[3:] / np.linalg.norm(c[3:]) for c in columns if np.linalg.norm(c[3:]) > _PARALLEL]
     if turns:
         n = turns[0]
@@ -331,12 +324,9 @@ def plane_normal(state: State) -> Array | None:
     return n
 
 
-def _generic_rank(held: ConstraintManifold, rows: slice, seed: int) -> int:
-    rng, most = np.random.default_rng(seed), 0
-    for _ in range(3):
-        J = held.at(held.move(held.q, rng.normal(size=held.n))).A[rows]
-        most = max(most, held.rank(J, RANK))
-    return most
+def _generic_rank(held: ConstraintManifold, rows: list[int], seed: int) -> int:
+    rng = np.random.default_rng(seed)
+    return max(held.rank(held.at(held.move(held.q, rng.normal(size=held.n))).A[rows], RANK) for _ in range(3))
 
 
 FAR, NEAR = 0.1, 0.02
@@ -446,10 +436,11 @@ def _around(held: ConstraintManifold, at: LinearisedRows, rng: np.random.Generat
     """Points to examine, at distance `FAR`; without position rows any configuration."""
     if held.placed.any():
         return neighbours(held, at, FAR, rng, _DIRECTIONS)
-    return iter([held.at(held.move(at.q, FAR * _unit(rng, np.eye(held.n)))) for _ in range(3)])
+    return iter([held.at(held.move(at.q, FAR * random_unit(rng, np.eye(held.n)))) for _ in range(3)])
 
 
-def _unit(rng: np.random.Generator, basis: Array) -> Array:
+def random_unit(rng: np.random.Generator, basis: Array) -> Array:
+    """A vector of length one in a random direction of a space, by its orthonormal basis."""
     z = basis @ rng.normal(size=basis.shape[1])
     return z / np.linalg.norm(z)
 
@@ -461,7 +452,7 @@ def neighbours(
     K, _ = null_space(at.J, held.zero)
     for _ in range(min(K.shape[1], 1) if K.shape[1] < 2 else (directions + 1) // 2):
         # At random: on the axes of a symmetric linkage the points are singular.
-        z = _unit(rng, K)
+        z = random_unit(rng, K)
         for start in (step * z, -step * z):
             found = held.project(held.move(at.q, start))
             moved = float(np.linalg.norm(held.way(at.q, found.q)))
@@ -495,7 +486,7 @@ def _tangent(
         return K, around
     chords = np.zeros((2 * d + 1, held.n))
     for i in range(len(chords)):
-        z = K[:, i] if i < d else _unit(rng, K)
+        z = K[:, i] if i < d else random_unit(rng, K)
         found = held.project(held.move(at.q, step * z))
         if max_abs(found.error) <= held.tolerance:
             chords[i] = held.way(at.q, found.q) / step

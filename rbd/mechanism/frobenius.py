@@ -26,6 +26,7 @@ from rbd.constraints.function import FIRST, NODES
 from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_space, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.mechanism.degrees_of_freedom import random_unit
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
@@ -208,11 +209,7 @@ def _given(
     listed = np.atleast_2d(as_array("points", points))
     if listed.ndim != 2 or not len(listed) or listed.shape[1] != robot.nq:
         raise InputError(f"points have shape {listed.shape}; expected (k, {robot.nq}): configurations.")
-    out = []
-    for q in listed:
-        held = ConstraintManifold(State(robot, q), constraints)
-        out.append((held, held.check_assembled()))
-    return out
+    return [(held, held.check_assembled()) for held in (ConstraintManifold(State(robot, q), constraints) for q in listed)]
 
 
 def _drawn(state: State, constraints: Sequence[Constraint], seed: int) -> list[tuple[ConstraintManifold, LinearisedRows]]:
@@ -241,10 +238,12 @@ def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> Poi
     """The growth vector at one configuration."""
     B, _ = null_space(at.A)
     rank, n = held.n - B.shape[1], held.n
-    kept = np.sort(qr(at.A.T, mode="r", pivoting=True)[1][:rank])
+    kept = _pivots(at.A.T, rank)
 
     def D(q: Array) -> Array:
-        return _projected(held.at(q).A[kept], B)
+        """B without its components in the row space of A: smooth where A has full rank."""
+        Q, _ = np.linalg.qr(held.at(q).A[kept].T)
+        return B - Q @ (Q.T @ B)
 
     growth, span, least, most = [B.shape[1]], B, np.inf, 0.0
     newest: Fields = D
@@ -257,8 +256,7 @@ def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> Poi
             break
         if cost > _EVALUATIONS:
             break
-        deeper = brackets(held, D, newest, pairs)
-        found = deeper(at.q)
+        found = brackets(held, D, newest, pairs)(at.q)
         fresh = found - span @ (span.T @ found)
         U, s, _ = np.linalg.svd(fresh, full_matrices=False)
         added = int((s > tolerance).sum())
@@ -268,8 +266,7 @@ def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> Poi
             break
         span = np.hstack([span, U[:, :added]])
         growth.append(span.shape[1])
-        chosen = np.sort(qr(fresh, mode="r", pivoting=True)[1][:added])
-        newest = brackets(held, D, newest, [pairs[c] for c in chosen])
+        newest = brackets(held, D, newest, [pairs[c] for c in _pivots(fresh, added)])
         pairs = [(i, j) for i in range(B.shape[1]) for j in range(added)]
     ends = float(least) if least < np.inf else None, float(most)
     return PointReport(at.q, rank, tuple(growth), ends, complete or growth[-1] == n, _regular(held, at))
@@ -277,22 +274,14 @@ def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> Poi
 
 def _regular(held: ConstraintManifold, at: LinearisedRows) -> bool:
     """Whether the rank is the same at two configurations nearby that satisfy the rows that have positions."""
-    B, _ = null_space(at.A)
-    if not B.shape[1]:
-        return True
-    rng = np.random.default_rng(0)
-    for _ in range(2):
-        z = B @ rng.normal(size=B.shape[1])
-        near = held.project(held.move(at.q, 0.05 * z / np.linalg.norm(z)))
-        if null_space(near.A)[0].shape[1] < B.shape[1]:
-            return False
-    return True
+    (B, _), rng = null_space(at.A), np.random.default_rng(0)
+    near = (held.project(held.move(at.q, 0.05 * random_unit(rng, B))) for _ in range(2 if B.shape[1] else 0))
+    return all(null_space(there.A)[0].shape[1] >= B.shape[1] for there in near)
 
 
-def _projected(A: Array, B: Array) -> Array:
-    """B without its components in the row space of A: smooth where A has full rank."""
-    Q, R = np.linalg.qr(A.T)
-    return B - Q @ (Q.T @ B)
+def _pivots(A: Array, rank: int) -> Array:
+    """Columns that span those of A, as many as its rank, ascending."""
+    return np.sort(qr(A, mode="r", pivoting=True)[1][:rank])
 
 
 def ad(robot: CheckedModel, X: Array, Y: Array) -> Array:

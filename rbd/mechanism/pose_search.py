@@ -361,11 +361,9 @@ class _PoseSearch(Space[Residual]):
     def failure(self, end: StationaryPoint[Residual], others: int, proof: OutOfReach | None) -> CannotReach:
         """The error for targets that are not satisfied."""
         q, name = end.at.state.q, self.robot.name
-        left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
-        size = {k: max(m.distance / self._length, m.angle) for k, m in left.items()}
-        worst = max(size.values(), default=0.0)
-        order = [list(left)[i] for i in largest_first([size[k] for k in left])]
-        left = {k: left[k] for k in order if size[k] > _NOISE * worst}
+        missed = [(k, m) for k, m in self.misses(q).items() if not m.within(self.tolerance)]
+        size = np.array([max(m.distance / self._length, m.angle) for _, m in missed])
+        left = dict(missed[i] for i in largest_first(size) if size[i] > _NOISE * size.max())
         pressed = {c.name: float(x) for c, x in zip(self.robot.joints.velocities, end.held, strict=True) if abs(x) > 0.0}
         off = "; ".join(f"{k!r:.60} is {m} off" for k, m in _first(left))
         say = [f"{name} does not reach its targets; at the nearest pose {off}."]

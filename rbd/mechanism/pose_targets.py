@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -157,9 +157,8 @@ def read_targets(robot: CheckedModel, targets: object) -> list[Target]:
             f"targets is {targets!r:.80}; expected {{foot, contact or frame: place}}, "
             "e.g. {'left_sole': (0, 0.1, 0), 'right_sole': (0, -0.1, 0)}."
         )
-    feet: dict[str, Contact] = {}
-    if isinstance(robot, Robot) and robot.source.feet:
-        feet = {foot.name: foot for foot in robot.feet(None)}
+    known: Iterable[Contact] = robot.feet(None) if isinstance(robot, Robot) and robot.source.feet else ()
+    feet = {foot.name: foot for foot in known}
     out: list[Target] = []
     for what, where in targets.items():
         if isinstance(what, str):
@@ -274,43 +273,44 @@ class OutOfReach:
     apart: float
     longest: float
 
+    @property
+    def short(self) -> float:
+        """How much longer the links would have to be [m]."""
+        return self.apart - self.longest
+
     def __str__(self) -> str:
         who = " and ".join(f"{name!r:.60}" for name in self.names)
         where = "apart" if len(self.names) > 1 else "from the fixed base"
-        short = self.apart - self.longest
         return (
             f"{who} must be {self.apart:.6g} m {where}, and the links between have a length of {self.longest:.6g} m, "
-            f"{short:.6g} m less"
+            f"{self.short:.6g} m less"
         )
 
 
 def out_of_reach(robot: CheckedModel, targets: Sequence[Target]) -> OutOfReach | None:
     """A proof that no pose satisfies the targets: the pair with the largest gap; None if there is no such pair."""
+    gaps = (gap for gap in _gaps(robot, targets) if gap.short > 1e-9 * max(1.0, gap.apart))
+    return max(gaps, key=lambda gap: gap.short, default=None)
+
+
+def _gaps(robot: CheckedModel, targets: Sequence[Target]) -> Iterator[OutOfReach]:
+    """Each target with the fixed base, and with each other one of its robot: their distance, and how far the links reach."""
     ends = [(t.name, *_end(robot, t), t.point) for t in targets if t.point is not None]
-    worst: OutOfReach | None = None
     for i, (name, joint, offset, point) in enumerate(ends):
-        base = robot.model.joints[_chain(robot, joint)[0]] if joint else None
-        found = []
-        if base is not None and base.shortname() != "JointModelFreeFlyer":
-            root = _chain(robot, joint)[0]
-            origin = np.array(robot.model.jointPlacements[root].translation)
-            longest = _length(robot, [j for j in _chain(robot, joint) if j != root]) + _stroke(robot, root)
-            found.append(OutOfReach((name,), float(np.linalg.norm(point - origin)), longest + float(np.linalg.norm(offset))))
+        chain = _chain(robot, joint)
+        if joint and robot.model.joints[chain[0]].shortname() != "JointModelFreeFlyer":
+            origin = np.array(robot.model.jointPlacements[chain[0]].translation)
+            longest = _length(robot, chain[1:]) + _stroke(robot, chain[0]) + float(np.linalg.norm(offset))
+            yield OutOfReach((name,), float(np.linalg.norm(point - origin)), longest)
         for other, joint2, offset2, point2 in ends[:i]:
-            apart, one, two = float(np.linalg.norm(point - point2)), _chain(robot, joint), _chain(robot, joint2)
+            chain2 = _chain(robot, joint2)
             if joint == joint2:
                 longest = float(np.linalg.norm(offset - offset2))
-            elif not (set(one) & set(two)):
-                continue  # two robots
+            elif set(chain) & set(chain2):
+                longest = _length(robot, {*chain} ^ {*chain2}) + float(np.linalg.norm(offset) + np.linalg.norm(offset2))
             else:
-                between = [j for j in {*one, *two} if j not in set(one) & set(two)]
-                longest = _length(robot, between) + float(np.linalg.norm(offset) + np.linalg.norm(offset2))
-            found.append(OutOfReach((other, name), apart, longest))
-        for each in found:
-            short = each.apart - each.longest
-            if short > 1e-9 * max(1.0, each.apart) and (worst is None or short > worst.apart - worst.longest):
-                worst = each
-    return worst
+                continue  # two robots
+            yield OutOfReach((other, name), float(np.linalg.norm(point - point2)), longest)
 
 
 def _end(robot: CheckedModel, target: Target) -> tuple[int, Array]:
@@ -323,7 +323,7 @@ def _chain(robot: CheckedModel, joint: int) -> list[int]:
     return list(robot.model.supports[joint])[1:]
 
 
-def _length(robot: CheckedModel, joints: Sequence[int]) -> float:
+def _length(robot: CheckedModel, joints: Iterable[int]) -> float:
     """Length of joints, each with the link before it [m]."""
     return sum(float(np.linalg.norm(robot.model.jointPlacements[j].translation)) + _stroke(robot, j) for j in joints)
 

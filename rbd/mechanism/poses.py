@@ -95,16 +95,11 @@ def canonical(robot: CheckedModel, q: Array, keep: Array) -> Array:
     return out
 
 
-def beyond_limits(robot: CheckedModel, q: Array, margin: float = 1e-9) -> tuple[LimitViolation, ...]:
+def beyond_limits(robot: CheckedModel, q: Array) -> tuple[LimitViolation, ...]:
     """The joints with one degree of freedom that are outside their file's limits."""
-    out = []
-    for joint in robot.joints.values():
-        least, most = joint.lower, joint.upper
-        if not (least == -math.inf and most == math.inf):
-            x = joint.coordinate(q)
-            if not least - margin <= x <= most + margin:
-                out.append(LimitViolation(joint.name, x, least, most, joint.unit))
-    return tuple(out)
+    limits = [(j, j.lower, j.upper) for j in robot.joints.values() if not (j.lower == -math.inf and j.upper == math.inf)]
+    found = [(j, j.coordinate(q), low, high) for j, low, high in limits]
+    return tuple(LimitViolation(j.name, x, a, b, j.unit) for j, x, a, b in found if not a - 1e-9 <= x <= b + 1e-9)
 
 
 def draw(robot: CheckedModel, rng: np.random.Generator) -> Array:

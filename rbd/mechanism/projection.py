@@ -96,10 +96,8 @@ def project_position(
         size = max_abs(error)
         if size <= projection.tolerance:
             break
-        if corrected is None:
-            step = shortened(-correction(inertia_factor(state.M), J, error, damping=size))
-        else:
-            step = shortened(corrected(state, J, error))
+        back = -correction(inertia_factor(state.M), J, error, damping=size) if corrected is None else corrected(state, J, error)
+        step = shortened(back)
         for _ in range(HALVINGS):
             nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v)
             J_there, error_there = equations(nearer)

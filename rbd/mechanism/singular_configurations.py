@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import svdvals
 
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
@@ -157,10 +158,10 @@ def singularities(
     at = held.check_assembled()
     matrices = _Matrices(held, inputs, outputs)
     nearby = [p for p in neighbours(held, at, FAR, np.random.default_rng(seed), 12) if p is not None]
-    ranks = {}
+    kinds = {}
     for kind, of in matrices.of.items():
-        ranks[kind] = max([rank_of(_values(of(at))), *(rank_of(_values(of(p)), ROUGH) for p in nearby)])
-    kinds = {kind: matrices.judge(kind, at, rank, tolerance) for kind, rank in ranks.items()}
+        rank = max([rank_of(svdvals(of(at))), *(rank_of(svdvals(of(p)), ROUGH) for p in nearby)])
+        kinds[kind] = matrices.judge(kind, at, rank, tolerance)
     return Singularities(kinds, 1 + len(nearby))
 
 
@@ -207,21 +208,19 @@ def singularities_along(
     matrices = _Matrices(held, inputs, outputs)
     along = [held.project(State(robot, q).q) for q in given]
     for k, point in enumerate(along):
-        if max_abs(point.error) > 1e-6:
-            off = max_abs(point.error)
+        if (off := max_abs(point.error)) > 1e-6:
             raise InputError(f"configuration {k} of the path cannot be brought onto the constraints; {off:.3g} is left.")
     found: list[Singularity] = []
     distances = {}
     for kind, of in matrices.of.items():
-        values = [_values(of(point)) for point in along]
+        values = [svdvals(of(point)) for point in along]
         rank = max(map(rank_of, values))
         d = np.array([_distance(s, rank) for s in values])
         distances[kind] = d
         for k in _minima(d):
             at, point = _refined(held, along, k, of, rank)
             judged = matrices.judge(kind, point, rank, tolerance, at)
-            known = [s for s in found if s.kind == kind and abs(s.at - at) < 1e-3]
-            if judged.singular and not known:
+            if judged.singular and not any(s.kind == kind and abs(s.at - at) < 1e-3 for s in found):
                 found.append(judged)
     return SingularitiesAlong(tuple(sorted(found, key=lambda s: s.at)), distances)
 
@@ -280,10 +279,6 @@ def _columns(held: ConstraintManifold, what: str, joints: Sequence[str]) -> Arra
     return np.flatnonzero(named)
 
 
-def _values(A: Array) -> Array:
-    return np.linalg.svd(A, compute_uv=False)
-
-
 def _distance(s: Array, rank: int) -> float:
     """The smallest singular value that is usually not zero, over the largest."""
     return float(s[rank - 1] / s[0]) if rank and s[0] > 0.0 else 1.0
@@ -301,7 +296,7 @@ def _refined(
     """(position, singularity) nearest to singular between the neighbours of configuration k."""
 
     def distance(p: LinearisedRows) -> float:
-        return _distance(_values(of(p)), rank)
+        return _distance(svdvals(of(p)), rank)
 
     low, high = max(0, k - 1), min(len(along) - 1, k + 1)
 
@@ -315,14 +310,11 @@ def _refined(
     a, b = float(low), float(high)
     x, y = b - ratio * (b - a), a + ratio * (b - a)
     fx, fy = distance(point(x)), distance(point(y))
-    while b - a > 1e-11 * max(1.0, b):
-        if fx <= fy:
-            b, y, fy = y, x, fx
-            x = b - ratio * (b - a)
-            fx = distance(point(x))
-        else:
-            a, x, fx = x, y, fy
-            y = a + ratio * (b - a)
-            fy = distance(point(y))
+    while abs(b - a) > 1e-11 * max(1.0, a, b):
+        if fx > fy:  # seen from the other end
+            a, x, fx, b, y, fy = b, y, fy, a, x, fx
+        b, y, fy = y, x, fx
+        x = b - ratio * (b - a)
+        fx = distance(point(x))
     best = min((float(k), 0.5 * (a + b)), key=lambda t: distance(point(t)))
     return best, point(best)

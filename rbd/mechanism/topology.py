@@ -176,9 +176,7 @@ def classify(
     graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
     looked = _configurations(held, seed)
     mobility = min((null_space(p.A, ROUGH)[0].shape[1] for p in looked), default=None)
-    ends: tuple[EndPoint, ...] = ()
-    if mobility is not None:
-        ends = tuple(_end_point(held, looked, frame, graph) for frame in frames)
+    ends = tuple(_end_point(held, looked, frame, graph) for frame in frames if looked)
     links = ("", *body_names(robot))
     base = GROUND if graph.base == 0 else links[graph.base]
     leaves = [j for j in range(1, robot.model.njoints) if j not in set(robot.model.parents.tolist()[1:])]
@@ -204,10 +202,9 @@ class Graph:
         model = robot.model
         floats = set(robot.bases)
         self.edges = [(int(model.parents[j]), j) for j in range(1, model.njoints) if j not in floats]
-        for constraint in constraints:
-            pair = _bodies_of(robot, constraint)
-            if pair is not None and pair[0] != pair[1]:
-                self.edges.append(pair)
+        for constraint in constraints:  # on joints and functions there are none; with one frame on the ground
+            bodies = [*(robot.site(frame)[0] for frame in frames_of(constraint)), 0][:2]
+            self.edges += [(bodies[0], bodies[1])] if bodies[0] != bodies[-1] else []
         touched = any(0 in edge for edge in self.edges)
         self.base = 0 if touched or not floats else min(floats)
         self.bodies = [j for j in range(1, model.njoints) if j != self.base]
@@ -247,12 +244,6 @@ def _network(ways: Sequence[tuple[int, int, int]], size: int) -> csr_array:
 
     start, end, capacity = np.array(ways, dtype=np.int32).reshape(-1, 3).T
     return csr_array((capacity, (start, end)), shape=(size, size), dtype=np.int32)
-
-
-def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] | None:
-    """The two bodies that a constraint connects, 0 the ground; None for constraints on joints and functions."""
-    bodies = [robot.site(frame)[0] for frame in frames_of(constraint)]
-    return (bodies[0], bodies[1] if len(bodies) > 1 else 0) if bodies else None
 
 
 def _configurations(held: ConstraintManifold, seed: int) -> list[LinearisedRows]:

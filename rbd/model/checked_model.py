@@ -83,7 +83,8 @@ class CheckedModel(Displayed):
         self._frames = _frame_ids(model)
         self._links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
         self._sites: dict[str, tuple[int, pin.SE3]] = {}
-        self.passive = self._check_passive(passive)
+        listed = listed_items("passive", passive, "a list of joints' names", alone=True)
+        self.passive = frozenset(self.joints[n].name for n in listed)
         roots = tuple(i for i in range(1, model.njoints) if model.parents[i] == 0)
         floating = {joint.id for joint in self.joints.values() if joint.kind == "FreeFlyer"}
         self.bases = roots if all(i in floating for i in roots) else ()
@@ -412,9 +413,6 @@ class CheckedModel(Displayed):
                 )
         return out
 
-    def _check_passive(self, passive: Iterable[str]) -> frozenset[str]:
-        return frozenset(self.joints[n].name for n in listed_items("passive", passive, "a list of joints' names", alone=True))
-
     def _place_motors(self) -> None:
         """Make the tables of the motors: of all joints but free-flyers and passive ones."""
         driven = [joint for joint in self.joints.values() if joint.kind != "FreeFlyer" and joint.name not in self.passive]
@@ -428,11 +426,10 @@ class CheckedModel(Displayed):
         limit = np.array(self.model.effortLimit, float)[self.actuated]
         # Zero, missing and +-DBL_MAX all mean that the file states no limit.
         self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
-        for i, name in enumerate(self.actuated_names):
-            motor = self.motor_data.get(name)
+        given = [self.motor_data.get(name) for name in self.actuated_names]
+        for i, motor in enumerate(given):
             if motor is not None and motor.standstill is not None:
                 self.effort_limit[i] = motor.standstill
-        given = [self.motor_data.get(name) for name in self.actuated_names]
         speeds = [np.inf if motor is None or motor.speed_limit is None else motor.speed_limit for motor in given]
         self._motor_speeds = np.array(speeds, float)
         self.torque_lines = TorqueLines(self.actuated, self.actuated_names, self.motor_data)

@@ -156,7 +156,9 @@ class _Walk:
         yield from (self.digest(make, path), self.digest(kind, path), self.digest(arguments, path))
         for part in state if isinstance(state, tuple) else (state,):
             if isinstance(part, dict) and all(isinstance(name, str) for name in part):
-                yield from self._named({name: part[name] for name in part if not _is_computed(kind, name)}, path)
+                own = {name: inspect.getattr_static(kind, name, None) for name in part}  # computed ones when they are read
+                kept = {name: part[name] for name, x in own.items() if not isinstance(x, functools.cached_property)}
+                yield from self._named(kept, path)
             else:
                 yield self.digest(part, path)
         yield from self._each(entries or (), path)
@@ -233,11 +235,6 @@ def _leaf(x: Any) -> tuple[bytes, ...] | None:
 def _hash(*parts: bytes) -> str:
     """The SHA-256 hash of parts, with their lengths, 64 hexadecimal digits."""
     return hashlib.sha256(b"".join(b"%d:" % len(part) + part for part in parts)).hexdigest()
-
-
-def _is_computed(kind: type, name: str) -> bool:
-    """Whether an attribute is computed when it is first read."""
-    return isinstance(inspect.getattr_static(kind, name, None), functools.cached_property)
 
 
 def _by_name(x: Any) -> bool:

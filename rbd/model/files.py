@@ -18,7 +18,7 @@ import pinocchio as pin
 from rbd.errors import InputError, ModelError
 from rbd.model.input_files import FileLimits, file_bytes, parse_xml
 from rbd.model.mjcf import Mjcf, build, carry_out_includes, read_mjcf
-from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
+from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf, depth_first, grouped
 from rbd.model.world import Plane, turn_base
 
 MOST_MESHES = 5_000
@@ -252,11 +252,5 @@ def remade(model: pin.Model, balls: Collection[str], order: Sequence[str] = ()) 
 
 def _depth_first(model: pin.Model, rank: dict[str, int]) -> Iterator[int]:
     """Numbers of the joints, each followed by those beyond it."""
-    on: dict[int, list[int]] = {}
-    for i in sorted(range(model.njoints - 1, 0, -1), key=lambda i: rank.get(model.names[i], len(rank)), reverse=True):
-        on.setdefault(model.parents[i], []).append(i)
-    waiting = on.get(0, [])
-    while waiting:
-        i = waiting.pop()
-        yield i
-        waiting += on.get(i, [])
+    in_order = sorted(range(1, model.njoints), key=lambda i: rank.get(model.names[i], len(rank)))
+    return depth_first(0, grouped((model.parents[i], i) for i in in_order))

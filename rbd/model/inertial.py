@@ -148,12 +148,10 @@ def regressor(
     robot = checked(state).robot
     asked = checked_columns(columns)
     Y, known = columns_at(state, robot.check_v(a, "a"), asked)
-    driven = joint_velocities(robot)
-    values = [inertial_parameters(robot).ravel()] if "inertia" in asked else []
-    rotors = np.array(robot.model.armature, float)[driven]
-    values += [rotors if column == "rotor_inertia" else np.zeros(len(driven)) for column in asked if column != "inertia"]
     P = np.eye(robot.nv) if isinstance(contacts, Sequence) and not len(contacts) else free_of_forces(state, contacts)
-    return Regressor(P @ Y, parameter_names(robot, asked), np.concatenate(values), P @ known, P)
+    return Regressor(
+        P @ Y, parameter_names(robot, asked), parameter_values(robot, asked, inertial_parameters(robot)), P @ known, P
+    )
 
 
 def columns_at(state: State, a: Array, columns: Sequence[str]) -> tuple[Array, Array]:
@@ -175,8 +173,8 @@ def columns_at(state: State, a: Array, columns: Sequence[str]) -> tuple[Array, A
 def inertia_columns(state: State, a: Array) -> Array:
     """The columns of the bodies' inertia, shape (nv, 10 bodies)."""
     robot, q, v = state.robot, state.q, state.v
-    Y = robot.pool.compute(lambda data: np.array(pin.computeJointTorqueRegressor(robot.model, data, q, v, a)))
-    return Y.reshape(robot.nv, -1)
+    found = robot.pool.compute(lambda data: np.array(pin.computeJointTorqueRegressor(robot.model, data, q, v, a)))
+    return found.reshape(robot.nv, -1)
 
 
 def checked_columns(columns: Sequence[str]) -> tuple[str, ...]:
@@ -195,31 +193,29 @@ def checked_columns(columns: Sequence[str]) -> tuple[str, ...]:
 
 def parameter_names(robot: CheckedModel, columns: Sequence[str] = ("inertia",)) -> tuple[str, ...]:
     """Names of the parameters of a regressor: "pelvis.m", ..., "knee.damping"."""
-    names: list[str] = []
     velocities = [robot.joints.velocities[i].name for i in joint_velocities(robot)]
-    for column in columns:
-        of = [f"{b}.{x}" for b in body_names(robot) for x in PARAMETERS]
-        names += of if column == "inertia" else [f"{name}.{column}" for name in velocities]
-    return tuple(names)
+    own = {"inertia": [f"{b}.{x}" for b in body_names(robot) for x in PARAMETERS]}
+    return tuple(name for column in columns for name in own.get(column, [f"{v}.{column}" for v in velocities]))
+
+
+def parameter_values(robot: CheckedModel, columns: Sequence[str], bodies: Array) -> Array:
+    """The model's parameters in the order of `parameter_names`: the bodies' (k, 10), rotors as in M, zeros of friction."""
+    driven = joint_velocities(robot)
+    own = {"inertia": bodies.ravel(), "rotor_inertia": np.array(robot.model.armature, float)[driven]}
+    return np.concatenate([own.get(column, np.zeros(len(driven))) for column in columns])
 
 
 def joint_velocities(robot: CheckedModel) -> Array:
     """Indices in v of all joints but floating bases, which have no rotor, no damping and no friction."""
-    own = np.ones(robot.nv, bool)
-    for joint in robot.joints.values():
-        if joint.kind == "FreeFlyer":
-            own[joint.v] = False
-    return np.flatnonzero(own)
+    own = [range(joint.v.start, joint.v.stop) for joint in robot.joints.values() if joint.kind != "FreeFlyer"]
+    return np.concatenate([np.zeros(0, int), *own])
 
 
 def free_of_forces(state: State, contacts: Sequence[HasRows]) -> Array:
     """Combinations of the equations of motion without the forces of some constraints, shape (k, nv), with orthonormal rows."""
     check_kind("contacts", contacts, Sequence, "a list of contacts, e.g. robot.soles()")
-    rows = []
-    for contact in contacts:
-        rows.append(np.asarray(check_rows(contact).rows(state).J))
-    J = np.concatenate([np.zeros((0, state.robot.nv)), *rows])
-    return null_space(J).T
+    rows = [np.asarray(check_rows(contact).rows(state).J) for contact in contacts]
+    return null_space(np.concatenate([np.zeros((0, state.robot.nv)), *rows])).T
 
 
 def check_rows(constraint: HasRows) -> HasRows:

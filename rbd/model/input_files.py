@@ -135,8 +135,9 @@ def _check_bytes(file: str, data: bytes, limits: FileLimits) -> None:
         raise ModelError(f"{file} cannot be read as XML: it has zero bytes in it, as binary and UTF-16 files do.")
     declared = _ENCODING.match(data.lstrip(b"\xef\xbb\xbf"))
     if declared and declared[1].decode("latin-1").lower() not in _BYTE_FOR_BYTE:
-        name = declared[1].decode("latin-1")
-        raise ModelError(f"{file} cannot be read as XML: its encoding is {name!r:.40}. Expected UTF-8.")
+        raise ModelError(
+            f"{file} cannot be read as XML: its encoding is {declared[1].decode('latin-1')!r:.40}. Expected UTF-8."
+        )
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -78,8 +78,9 @@ class Joints(Mapping[str, Joint], Displayed):
         """
         joint = self[name]
         if joint.nv != 1:
-            what = f"{asked_by!r:.80}: joint {name!r:.80}"
-            raise InputError(f"{what} has {joint.nv} degrees of freedom; expected a joint with one.")
+            raise InputError(
+                f"{asked_by!r:.80}: joint {name!r:.80} has {joint.nv} degrees of freedom; expected a joint with one."
+            )
         return joint
 
     def carrying(self, joint: int) -> Array:

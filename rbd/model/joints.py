@@ -146,8 +146,7 @@ class Piece:
     @property
     def unit(self) -> slice:
         """Which of their q must have norm one."""
-        begin = {"number": 1, "plane": 2, "space": 3}.get(self.kind, 0)
-        return slice(begin, self.nq)
+        return slice({"number": 1, "plane": 2, "space": 3}.get(self.kind, 0), self.nq)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -258,14 +257,10 @@ class Joint(Displayed):
 
     def difference(self, target: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """(error, J, J_dot v) of the joint at q from its target, J with respect to its velocities, shape (nv, nv)."""
-        errors, blocks, biases, at = [], [], [], 0
-        for piece in self.pieces:
-            own_q, own_v = q[piece.q : piece.q + piece.nq], v[piece.v : piece.v + piece.nv]
-            e, J, bias = position_error(piece.kind, target[at : at + piece.nq], own_q, own_v)
-            at += piece.nq
-            errors.append(e)
-            blocks.append(J)
-            biases.append(bias)
+        own = [(p.kind, slice(p.q, p.q + p.nq), slice(p.v, p.v + p.nv)) for p in self.pieces]
+        wanted = np.split(target, np.cumsum([p.nq for p in self.pieces])[:-1])
+        parts = [position_error(kind, to, q[at], v[moving]) for (kind, at, moving), to in zip(own, wanted, strict=True)]
+        errors, blocks, biases = zip(*parts, strict=True)
         return np.concatenate(errors), block_diagonal(blocks), np.concatenate(biases)
 
     def _limit(self, limits: Array, none: float) -> float:
@@ -338,7 +333,6 @@ def _labels(joint: pin.JointModel, plane: Plane | None = None) -> tuple[_Labels,
         return _PLACE, _BODY_V[:3]
     if joint.nq == 2 and joint.nv == 1:
         return _CIRCLE, [("", ANGLE)]
-    slides = kind.startswith("JointModelP") and joint.nv == 1
-    unit = LENGTH if slides else ANGLE
+    unit = LENGTH if kind.startswith("JointModelP") and joint.nv == 1 else ANGLE
     single = [("", unit)] if joint.nv == 1 else [(str(k), unit) for k in range(joint.nv)]
     return single, single

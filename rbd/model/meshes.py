@@ -146,11 +146,8 @@ class _Meshes:
 
     def all_finite(self, found: pin.GeometryModel) -> bool:
         """Whether all vertices are numbers of a sensible size; meshes of others are refused."""
-        wrong = set()
-        for obj in found.geometryObjects:
-            if isinstance(obj.geometry, coal.BVHModelBase):
-                if not (np.abs(obj.geometry.vertices()) <= LARGEST).all():
-                    wrong.add(obj.meshPath)
+        meshes = [obj for obj in found.geometryObjects if isinstance(obj.geometry, coal.BVHModelBase)]
+        wrong = {obj.meshPath for obj in meshes if not (np.abs(obj.geometry.vertices()) <= LARGEST).all()}
         for name, path in list(self._known.items()):
             if str(path) in wrong:
                 self._refuse(name, f"has coordinates that are not finite, or above {LARGEST:g} m")

@@ -148,8 +148,10 @@ def checked_motors(joints: Joints, given: Any, name: str) -> dict[str, Motor | N
         found = joints[joint]
         check_kind(f"the motor of {joint!r:.80}", motor, Motor | None, "rbd.Motor(limit=...), or None for no motor")
         if found.kind == "FreeFlyer" or (motor is not None and found.nv != 1):
-            freedoms = f"{found.nv} degrees of freedom ({found.kind})"
-            raise InputError(f"joint {joint!r:.80} of {name} has {freedoms}; a motor is at a joint with one.")
+            raise InputError(
+                f"joint {joint!r:.80} of {name} has {found.nv} degrees of freedom ({found.kind}); a motor is at a joint "
+                "with one."
+            )
         out[joint] = motor
     return out
 

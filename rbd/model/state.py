@@ -300,7 +300,7 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, 
         InputError: not a mapping, or values of a wrong size or not finite.
         JointNotFound: with the nearest names.
     """
-    _check_is_mapping(argument, values, "value")
+    check_kind(argument, values, Mapping, "a mapping {joint: value}, e.g. {'knee': 0.5}")
     out = q.copy()
     for name, value in values.items():
         joint, what = robot.joints[name], f"value of joint {name!r:.80}"
@@ -309,31 +309,25 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, 
     return out
 
 
-def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:
+def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object]) -> Array:
     """A copy of v with given velocities of some joints, or of single entries.
 
     Args:
         robot: The robot.
         v: Velocity, shape (nv,).
         values: {joint or entry: its part of v}.
-        argument: Their name in messages.
 
     Raises:
         InputError: not a mapping, or values of a wrong size or not finite.
         JointNotFound: with the nearest names.
     """
-    _check_is_mapping(argument, values, "velocity")
+    check_kind("values", values, Mapping, "a mapping {joint: velocity}, e.g. {'knee': 0.5}")
     out = v.copy()
     for name, value in values.items():
         at, what = robot.joints.velocity(name), f"velocity of joint {name!r:.80}"
         size = at.stop - at.start
-        given = as_finite(what, value, (size,), *[()] * (size == 1), meaning=": a number an entry")
-        out[at] = given
+        out[at] = as_finite(what, value, (size,), *[()] * (size == 1), meaning=": a number an entry")
     return out
-
-
-def _check_is_mapping(argument: str, values: object, what: str) -> None:
-    check_kind(argument, values, Mapping, f"a mapping {{joint: {what}}}, e.g. {{'knee': 0.5}}")
 
 
 def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:
@@ -348,6 +342,7 @@ def checked(state: State) -> State:
         InputError: it is none.
     """
     if not isinstance(state, State):
-        made = "rbd.State(robot, q, v), or robot.standing()"
-        raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: {made}.")
+        raise InputError(
+            f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q, v), or robot.standing()."
+        )
     return state

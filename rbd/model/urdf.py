@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 from rbd.errors import ModelError, nearest
 
@@ -156,8 +156,9 @@ class Complaints:
             elif thing.name in found:
                 self.stop(f"two {what}s are called {thing.name!r}; expected different names.")
             elif len(thing.name) > LONGEST_NAME:
-                told = f"has a name of {len(thing.name)} letters; expected {LONGEST_NAME} at most"
-                self.stop(f"{what} {thing.name[:40]!r}... {told}.")
+                self.stop(
+                    f"{what} {thing.name[:40]!r}... has a name of {len(thing.name)} letters; expected {LONGEST_NAME} at most."
+                )
             found[thing.name] = thing
         return found
 
@@ -286,29 +287,46 @@ def _joined(values: Sequence[float]) -> str:
 def _check_tree(wrong: Complaints, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None:
     """One root, one parent a link, no circle, no link without a parent but the root."""
     above: dict[str, str] = {}
-    below: dict[str, list[str]] = {}
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
                 told = f"names a {end} link {link!r:.120}" if link else f"has no {end} link"
                 wrong.stop(f"joint {joint.name!r} {told}; {nearest(link, links)}.")
         if joint.child in above:
-            parents = f"{above[joint.child]!r} and {joint.parent!r}"
-            wrong.stop(f"link {joint.child!r} has two parents, {parents} (joint {joint.name!r}); expected a tree.")
+            wrong.stop(
+                f"link {joint.child!r} has two parents, {above[joint.child]!r} and {joint.parent!r} (joint {joint.name!r}); "
+                "expected a tree."
+            )
         above[joint.child] = joint.parent
-        below.setdefault(joint.parent, []).append(joint.child)
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
         found = ", ".join(map(repr, roots[:4])) or "none"
         wrong.stop(f"expected a tree with one root link, found {len(roots)}: {found}.")
-    levels = hanging(roots, below)
+    levels = hanging(roots, grouped((joint.parent, joint.child) for joint in joints.values()))
     reached = set(chain.from_iterable(levels))
     if lost := [link for link in links if link not in reached]:
         link = _on_circle(lost[0], above)
         wrong.stop(f"link {link!r} does not hang from the root {roots[0]!r}: its parents make a circle.")
     if len(levels) > LONGEST_CHAIN:
-        below_each_other = f"{len(levels)} links hang below each other"
-        wrong.stop(f"{below_each_other}; at most {LONGEST_CHAIN} are taken: readers crash on long chains.")
+        wrong.stop(
+            f"{len(levels)} links hang below each other; at most {LONGEST_CHAIN} are taken: readers crash on long chains."
+        )
+
+
+def grouped(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, list[Any]]:
+    """{first: the seconds of all pairs with it}, in their order."""
+    found: dict[Any, list[Any]] = {}
+    for first, second in pairs:
+        found.setdefault(first, []).append(second)
+    return found
+
+
+def depth_first(root: Any, below: Mapping[Any, Sequence[Any]]) -> Iterator[Any]:
+    """What hangs on a root, each followed by what hangs on it, in the order of `below`."""
+    waiting = [*reversed(below.get(root, ()))]
+    while waiting:
+        yield (each := waiting.pop())
+        waiting += reversed(below.get(each, ()))
 
 
 def hanging(roots: Iterable[str], below: Mapping[str, Sequence[str]]) -> list[list[str]]:
@@ -358,10 +376,7 @@ def _check_mimics(wrong: Complaints, joints: dict[str, UrdfJoint], *, known: boo
 def _base(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> set[str]:
     """Links fixed to the root link, itself included."""
     moved = {joint.child for joint in joints.values()}
-    welded: dict[str, list[str]] = {}
-    for joint in joints.values():
-        if joint.kind == "fixed":
-            welded.setdefault(joint.parent, []).append(joint.child)
+    welded = grouped((joint.parent, joint.child) for joint in joints.values() if joint.kind == "fixed")
     return set(chain.from_iterable(hanging([link for link in links if link not in moved], welded)))
 
 
@@ -392,8 +407,10 @@ def _check_shape(wrong: Complaints, what: str, shape: ElementTree.Element) -> No
     if shape.tag == "mesh" and shape.get("scale") is not None:
         factors = wrong.numbers(f"the mesh in {what}", shape, "scale", count=3, most=LARGEST)
         if len(wrong.found) == found and not all(abs(factor) >= SMALLEST for factor in factors):
-            told = f"the mesh in {what} has the scale {shape.get('scale')!r:.60}"
-            wrong.add(f"{told}; expected factors of {SMALLEST:g} or more, negative ones for a mirror.")
+            wrong.add(
+                f"the mesh in {what} has the scale {shape.get('scale')!r:.60}; expected factors of {SMALLEST:g} or more, "
+                "negative ones for a mirror."
+            )
     for key in _SIZES.get(shape.tag, ()):
         sizes = wrong.numbers(f"the {shape.tag} in {what}", shape, key, count=3 if key == "size" else 1, most=FARTHEST)
         if len(wrong.found) == found and not all(size >= SMALLEST for size in sizes):

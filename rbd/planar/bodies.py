@@ -15,7 +15,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.planar.chain import Chain, check_chain
-from rbd.planar.expressions import exact
+from rbd.planar.expressions import exact, real
 
 Shapes = Literal["points", "rods"]
 MOST = 1e12
@@ -84,9 +84,8 @@ class LinkBodies(Displayed):
         if values is None:
             return self
         known = replacements(values, self.unknowns, "these bodies")
-        fields = ("lengths", "masses", "centres", "inertias")
-        new = (tuple(x.subs(known) for x in getattr(self, field)) for field in fields)
-        return LinkBodies(*(_checked(field, entries, len(entries)) for field, entries in zip(fields, new, strict=True)))
+        new = {what: [x.subs(known) for x in getattr(self, what)] for what in _NAMES}
+        return LinkBodies(*(_checked(what, entries, len(entries)) for what, entries in new.items()))
 
     def numbers(self) -> tuple[Array, ...]:
         """(lengths, masses, centres, inertias) as arrays of floats, each (n,).
@@ -95,8 +94,7 @@ class LinkBodies(Displayed):
             InputError: naming the symbols that are left.
         """
         refuse_symbols(self.unknowns, "numbers()")
-        every = (self.lengths, self.masses, self.centres, self.inertias)
-        return tuple(np.array([float(x) for x in entries]) for entries in every)
+        return tuple(np.array([float(x) for x in getattr(self, what)]) for what in _NAMES)
 
 
 def bodies_of(
@@ -153,17 +151,9 @@ def constant(what: str, value: Any, t: sp.Symbol | None = None) -> sp.Expr:
         raise InputError(f"{what} is {out!s:.80}; expected a real, finite number. Check what it was computed from.")
     if out.has(AppliedUndef) or (t is not None and out.has(t)):
         raise InputError(f"{what} is {out!s:.80}, which depends on time; expected a constant.")
-    if not out.free_symbols and not abs(_float(out)) <= MOST:
+    if not out.free_symbols and not abs(real(out)) <= MOST:
         raise InputError(f"{what} is {value!s:.80}; expected at most {MOST:g}. Units are metres, kilograms and seconds.")
     return sp.nsimplify(out, rational=True) if out.has(sp.Float) else out
-
-
-def _float(number: sp.Expr) -> float:
-    """As a float; NaN if it is not one, such as an interval."""
-    try:
-        return float(number)
-    except (TypeError, ValueError, OverflowError):
-        return float("nan")
 
 
 def symbols_of(expressions: Iterable[sp.Basic]) -> tuple[sp.Symbol, ...]:

@@ -17,7 +17,7 @@ import sympy
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
-from rbd.arrays import Array, as_float, lazy
+from rbd.arrays import Array, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -381,10 +381,7 @@ def _check_length(k: int, length: object) -> sympy.Expr:
         if moving or length.is_positive is False or length.is_real is False:
             raise InputError(f"{what} is {str(length):.80}; expected a positive expression that is constant in time.")
         return length
-    try:
-        number = float(length) if isinstance(length, sympy.Expr) else as_float(length)
-    except (TypeError, ValueError, OverflowError):  # complex, or a zoo
-        number = np.nan
+    number = expressions.real(length)
     if not SHORTEST <= number <= LONGEST:
         raise InputError(
             f"{what} is {str(length):.80}; expected a positive finite number [m], {SHORTEST:g} to {LONGEST:g}, or a symbol."

@@ -107,24 +107,22 @@ def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array |
         >>> kind.kind, kind.closed, kind.mobility, kind.end_dof, kind.redundancy
         ('serial', False, 3, 2, 1)
     """
-    if not isinstance(chain, ConstrainedChain):
-        check_chain(chain)
-    base = "the origin, on the ground"
+    n = chain.chain.n if isinstance(chain, ConstrainedChain) else check_chain(chain).n
+    mobility, rank, note, end = n, min(n, 2), "", f"the far end of link {n}"
     if isinstance(chain, ConstrainedChain):
         if pinned is not None:
             raise InputError("a pin came for a chain under relations; expected one without: classify(chain.chain, pinned=...).")
-        rank = _end_rank(chain)
-        note = "Relations hold the end point where it is, though links move." if rank == 0 < chain.mobility else ""
-        if chain.mobility == 0:
-            note = "Relations leave nothing that moves: a structure."
-        n = chain.chain.n
-        return ChainClass(base, f"the far end of link {n}", "serial", False, n, chain.mobility, rank, note)
-    n = chain.n
-    if pinned is None:
-        return ChainClass(base, f"the far end of link {n}", "serial", False, n, n, min(n, 2), "")
-    mobility, note = _pinned(chain, pinned)
-    at = ", ".join(f"{x:g}" if isinstance(x, int | float | np.number) else str(x) for x in pinned)
-    return ChainClass(base, f"the far end of link {n}, pinned at ({at})", "parallel", True, n, mobility, 0, note)
+        mobility, rank = chain.mobility, _end_rank(chain)
+        if rank == 0:
+            what = "hold the end point where it is, though links move" if mobility else "leave nothing that moves: a structure"
+            note = f"Relations {what}."
+    elif pinned is not None:
+        mobility, note = _pinned(chain, pinned)
+        at = ", ".join(f"{x:g}" if isinstance(x, int | float | np.number) else str(x) for x in pinned)
+        rank, end = 0, f"{end}, pinned at ({at})"
+    closed = pinned is not None
+    kind = "parallel" if closed else "serial"
+    return ChainClass("the origin, on the ground", end, kind, closed, n, mobility, rank, note)
 
 
 def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:
@@ -142,15 +140,11 @@ def _pinned(chain: Chain, pinned: Any) -> tuple[int, str]:
         raise InputError(f"the end point cannot be pinned there: {found.note}")
     r = float(np.hypot(*found.target))
     edge = max(TOLERANCE, ROUND_OFF) * arm.outer
-    at_base = r <= edge
     # The links lie on one line if it takes their whole length, or one of them against all others.
     lined = r >= arm.outer - edge or (2.0 * float(arm.ell.max()) >= arm.outer + r - edge)
-    if not lined:
-        note = structure if generic == 0 else ""
-        return generic, note
-    if chain.n == 1:
-        return 0, structure
-    if at_base:
+    if not lined or chain.n == 1:
+        return generic, structure if generic == 0 else ""
+    if r <= edge:
         return 1, "The end point is pinned at the base: all links are in line, and turn together about it."
     return 0, f"{structure} All links are in line, the only pose: the slightest play lets them bend."
 

@@ -25,7 +25,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.planar import expressions
 from rbd.planar.angles import Symbols, plain
 from rbd.planar.chain import Chain, check_chain
-from rbd.planar.kinematics import Split
+from rbd.planar.kinematics import Split, total
 from rbd.planar.relations import Reduced, Relation, newton, read, reduce
 
 
@@ -101,8 +101,7 @@ class ConstrainedChain(Displayed):
     def _slopes(self, angles: list[sympy.Expr]) -> Symbols:
         """Derivative of the relations that were not solved by some angles."""
         remaining = self.reduced.remaining
-        rows = [[relation.diff(angle) for angle in angles] for relation in remaining]
-        return sympy.ImmutableMatrix(len(remaining), len(angles), [entry for row in rows for entry in row])
+        return sympy.ImmutableMatrix(len(remaining), len(angles), lambda i, k: remaining[i].diff(angles[k]))
 
     @property
     def q(self) -> Symbols:
@@ -179,15 +178,11 @@ class ConstrainedChain(Displayed):
             turn = self.reduced.rates[:, k]
             return sum((J[:, column].diff(s) * turn[j] for j, s in enumerate(self.coordinates)), sympy.zeros(2, 1))
 
-        centripetal, coriolis = sympy.zeros(2, 1), sympy.zeros(2, 1)
-        for k in range(self.mobility):
-            centripetal += along(k, k) * qd[k] ** 2
-        for k, j in combinations(range(self.mobility), 2):
-            coriolis += (along(k, j) + along(j, k)) * qd[k] * qd[j]
+        pairs = combinations(range(self.mobility), 2)
         return ConstrainedSplit(
             sympy.ImmutableMatrix(J * self.free.diff(t, 2)),
-            centripetal.as_immutable(),
-            coriolis.as_immutable(),
+            total([along(k, k) * qd[k] ** 2 for k in range(self.mobility)]),
+            total([(along(k, j) + along(j, k)) * qd[k] * qd[j] for k, j in pairs]),
             self.chain.angles,
         )
 
@@ -223,12 +218,8 @@ class ConstrainedChain(Displayed):
         places = [[order.index(angle) for angle in angles] for angles in (self.coordinates, self.free)]
 
         def values(s: Any, sd: Any = None, sdd: Any = None, sddd: Any = None) -> Array:
-            given = []
-            for k, value in enumerate((s, sd, sdd, sddd)):
-                given.append(
-                    None if value is None else _spread(("s", "sd", "sdd", "sddd")[k], value, places[k > 0], self.chain.n)
-                )
-            return inner(*given)
+            given = zip(("s", "sd", "sdd", "sddd"), (s, sd, sdd, sddd), (places[0], *[places[1]] * 3), strict=True)
+            return inner(*(None if x is None else _spread(name, x, at, self.chain.n) for name, x, at in given))
 
         return values
 

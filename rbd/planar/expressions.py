@@ -244,6 +244,14 @@ def as_expression(value: Any) -> sympy.Expr | None:
     return out if isinstance(out, sympy.Expr) else None
 
 
+def real(value: Any) -> float:
+    """A number, of SymPy too, as a float; NaN if it is not one, such as a complex number or an interval."""
+    try:
+        return float(value) if isinstance(value, sympy.Expr) else as_float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 def exact(value: Any) -> sympy.Expr | None:
     """A number as written, 0.1 as 1/10, so that identities hold exactly; None if it is not finite."""
     if isinstance(value, int) and not isinstance(value, bool):

@@ -189,12 +189,8 @@ def _settle(arm: ChainNumbers, target: Array, q0: Array, q: Array, most: int = 6
         climb = np.where((w < -1e-6) & (np.abs(climb) < 1e-6), 1e-3, climb)
         step = N @ (U @ (-climb / np.maximum(np.abs(w), 1e-3)))
         step *= min(1.0, 1.0 / float(np.abs(step).max()))
-        lower, now = None, float(off @ off)
-        for halving in range(30):
-            moved = _reach(arm, target, q + 0.5**halving * step, 30)
-            if moved is not None and float((moved - q0) @ (moved - q0)) < now:
-                lower = moved
-                break
+        now, tries = float(off @ off), (_reach(arm, target, q + 0.5**halving * step, 30) for halving in range(30))
+        lower = next((p for p in tries if p is not None and float((p - q0) @ (p - q0)) < now), None)
         if lower is None:
             return q, bool(np.abs(gradient).max() <= 1e-6 and w[0] > 0.0)
         q = lower
@@ -328,11 +324,9 @@ def _solve(arm: ChainNumbers, point: Array, near: Array | None, direction: float
     else:
         q = nearest_turn(q, near)
         q = q[np.argsort(np.sum((q - near) ** 2, axis=1), kind="stable")]
-    singular = bool(np.sin(bend) < SINGULAR)
-    if not singular:
+    if not np.sin(bend) < SINGULAR:
         return q, False, ""
-    shape = "stretched out" if bend < 1.0 else "folded"
-    return q, True, f"{shape}: a singular pose, where both branches meet"
+    return q, True, f"{'stretched out' if bend < 1.0 else 'folded'}: a singular pose, where both branches meet"
 
 
 def triangle(arm: ChainNumbers, points: Array) -> tuple[Array, Array, Array]:

@@ -224,15 +224,13 @@ def _check_reach(arm: ChainNumbers, path: MinimumJerk) -> None:
     points = np.array([path.start, path.stop, path.start + share * step])
     distance = arm.distance(points)
     worst = int(np.argmax(distance))
-    if arm.reachable(distance[worst], TOLERANCE):
-        return
-    where = ("the beginning, ", "the end, ", "a point of the path, ")[worst]
-    x, y = points[worst]
-    hint = "Plan in joint space (joint_motion), or choose other ends." if worst == 2 else "Choose an end within reach."
-    raise NoSolution(
-        f"the end point cannot follow the path: {where}({x:.6g}, {y:.6g}) m, is out of reach by {distance[worst]:.6g} m: "
-        f"{arm.beyond(points[worst])}. {hint}"
-    )
+    if not arm.reachable(distance[worst], TOLERANCE):
+        where, (x, y) = ("the beginning, ", "the end, ", "a point of the path, ")[worst], points[worst]
+        hint = "Plan in joint space (joint_motion), or choose other ends." if worst == 2 else "Choose an end within reach."
+        raise NoSolution(
+            f"the end point cannot follow the path: {where}({x:.6g}, {y:.6g}) m, is out of reach by {distance[worst]:.6g} m: "
+            f"{arm.beyond(points[worst])}. {hint}"
+        )
 
 
 def _followed(chain: Chain, path: MinimumJerk, times: Array, branch: int, start: Sequence[float] | Array | None) -> Array:

@@ -216,14 +216,11 @@ def _vanishes(expr: sympy.Expr, chain: Chain) -> bool:
 
 def _linear(chain: Chain, expr: sympy.Expr, free: tuple[sympy.Expr, ...]) -> tuple[sympy.Expr, sympy.Expr] | None:
     """The last angle that occurs linearly, numbers as coefficients before parameters, and what it is equal to."""
-    found = []
-    for angle in [a for a in reversed(list(chain.q)) if a not in free]:
-        factor = sympy.expand(expr.diff(angle))
-        if factor != 0 and not factor.has(*chain.q):
-            found.append((not factor.is_number, angle, factor))
+    factors = {angle: sympy.expand(expr.diff(angle)) for angle in reversed(list(chain.q)) if angle not in free}
+    found = [(angle, factor) for angle, factor in factors.items() if factor != 0 and not factor.has(*chain.q)]
     if not found:
         return None
-    _, angle, factor = min(found, key=lambda each: each[0])
+    angle, factor = min(found, key=lambda each: not each[1].is_number)
     return angle, sympy.expand(-(expr - factor * angle).expand() / factor)
 
 
@@ -333,15 +330,15 @@ def newton(function: Any, s: Array) -> tuple[Array, float]:
             return s, np.inf
         if np.abs(psi).max() < 1e-14:
             break
-        step, moved = np.linalg.lstsq(J, psi, rcond=1e-12)[0], False
+        step = np.linalg.lstsq(J, psi, rcond=1e-12)[0]
         for halving in range(12):
             trial = s - 0.5**halving * step
             new, slope = (np.array(x, dtype=float) for x in function(trial))
             if np.isfinite(new).all() and np.linalg.norm(new) < np.linalg.norm(psi):
-                s, psi, J, moved = trial, new, slope, True
                 break
-        if not moved:
+        else:
             break
+        s, psi, J = trial, new, slope
     return s, float(np.abs(psi).max())
 
 

@@ -159,7 +159,8 @@ def to_robot(
         own = ", ".join(what for what, value in (*given, ("plane", plane)) if value is not None)
         if own:
             raise InputError(f"{own} came with dynamics, which have their own; expected dynamics alone, or a chain.")
-        dyn = _known(chain, values)
+        dyn = chain if values is None else chain.subs(values)
+        refuse_symbols(dyn.unknowns, "a robot", how="values=")
         chain, values, plane = dyn.chain, None, "xy" if dyn.gravity == 0 else "xz"
         fall = None if dyn.gravity == 0 else (0.0, 0.0, -float(dyn.gravity))
         masses, centres, inertias = dyn.bodies.masses, dyn.bodies.centres, dyn.bodies.inertias
@@ -173,13 +174,6 @@ def to_robot(
         # Point masses were requested: no warning that they are unphysical.
         warnings.filterwarnings("ignore", ".*inertias? that no body has", ModelWarning)
         return load_robot(file, root="fixed", gravity=fall)
-
-
-def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
-    """Dynamics in numbers."""
-    dyn = dyn if values is None else dyn.subs(values)
-    refuse_symbols(dyn.unknowns, "a robot", how="values=")
-    return dyn
 
 
 def _urdf(name: str, plane: str, lengths: Array, masses: Array, centres: Array, inertias: Array) -> str:

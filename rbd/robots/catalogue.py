@@ -283,8 +283,8 @@ def _source(urdf: Path, extra: tuple[Path, ...]) -> RobotSource:
     key, entry = next(((k, e) for k, e in _entries().items() if inside and e["file"] == inside), (urdf.stem, {}))
     srdf = shares[1] / entry["srdf"] if "srdf" in entry else _srdf_beside(urdf)
     postures = {name: dict(angles) for name, angles in entry.get("postures", {}).items()}
-    for name, angles in entry.get("postures_deg", {}).items():
-        postures[name] = {joint: math.radians(angle) for joint, angle in angles.items()}
+    in_degrees = entry.get("postures_deg", {}).items()
+    postures |= {name: {joint: math.radians(angle) for joint, angle in angles.items()} for name, angles in in_degrees}
     soles = tuple(_sole(name, data) for name, data in entry.get("soles", {}).items())
     points = tuple(_point(name, data, entry["sphere"]) for name, data in entry.get("points", {}).items())
     package_dirs = tuple(dict.fromkeys((*extra, urdf.parent, *shares)))
@@ -309,11 +309,8 @@ def _entries() -> dict[str, dict[str, Any]]:
 
 def _files() -> list[str]:
     """Every URDF of the robot data, relative to its `robots/` folder; none if the data are not installed."""
-    try:
-        folder = robots_folder()
-    except ModelError:
-        return []
-    return sorted(path.relative_to(folder).as_posix() for path in folder.glob("**/*.urdf"))
+    folders = _shares()[1:]
+    return sorted(path.relative_to(folder).as_posix() for folder in folders for path in folder.glob("**/*.urdf"))
 
 
 def _sole(name: str, data: Mapping[str, Any]) -> Foot:

@@ -18,6 +18,7 @@ from rbd.model.files import RobotFile
 from rbd.model.joints import AT_LIMIT
 from rbd.model.mjcf import Mjcf
 from rbd.model.state import State
+from rbd.model.urdf import grouped
 from rbd.robots.rotors import rotors_of
 
 SINGULAR = 1e-9
@@ -125,9 +126,7 @@ class ModelReport(Displayed):
 
     def summary(self) -> str:
         """Errors, and warnings counted by kind, in one line; empty if there are none."""
-        kinds: dict[str, list[str]] = {}
-        for finding in self.warnings:
-            kinds.setdefault(finding.kind, []).append(finding.where)
+        kinds = grouped((finding.kind, finding.where) for finding in self.warnings)
         parts = [f"ERROR, {finding.text.rstrip('.')}" for finding in self.errors]
         parts += [f"{len(names)} {SUMMARY[kind][len(names) > 1]} ({_some(names)})" for kind, names in kinds.items()]
         return f"{self.robot}: {'; '.join(parts)}. {REMEDY}" if parts else ""
@@ -169,9 +168,8 @@ def with_rotors(report: ModelReport, robot: CheckedModel) -> ModelReport:
 
 def _undriven(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
     """Joints of an MJCF without an actuator."""
-    for name in file.content.undriven:
-        if name in robot.passive:
-            yield ModelIssue("passive", name, "the file has no actuator at it: it is passive, and has no entry in tau")
+    told = "the file has no actuator at it: it is passive, and has no entry in tau"
+    return (ModelIssue("passive", name, told) for name in file.content.undriven if name in robot.passive)
 
 
 def _semantic_rotors(robot: Any) -> Iterator[ModelIssue]:
@@ -224,8 +222,11 @@ def _lost(robot: CheckedModel, bodies: list[str], mass: float) -> Iterator[Model
             yield ModelIssue("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
     lost, rounding = mass - robot.mass, 1e-9 * max(1.0, mass)
     if abs(lost) > rounding:
-        text = f"the moving links of the file weigh {mass:.9g} kg, and the model {robot.mass:.9g} kg"
-        yield ModelIssue("mass", robot.name, f"{text}: mass was lost between them.")
+        yield ModelIssue(
+            "mass",
+            robot.name,
+            f"the moving links of the file weigh {mass:.9g} kg, and the model {robot.mass:.9g} kg: mass was lost between them.",
+        )
 
 
 def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[tuple[ModelIssue, bool]]:

@@ -283,10 +283,8 @@ def _simplified(hull: Array) -> Array:
 
 def _points(shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], down: Array) -> Array:
     """Points in F that can be lowest, shape (n, 3) [m]: corners and vertices, and the lowest points of round shapes."""
-    found = [np.zeros((0, 3))]
-    for geometry, X_FG in shapes:
-        found.append(_of_shape(geometry, X_FG.rotation.T @ down) @ X_FG.rotation.T + X_FG.translation)
-    return np.concatenate(found)
+    turned = ((_of_shape(geometry, X.rotation.T @ down) @ X.rotation.T + X.translation) for geometry, X in shapes)
+    return np.concatenate([np.zeros((0, 3)), *turned])
 
 
 def _of_shape(geometry: coal.CollisionGeometry, down: Array) -> Array:
@@ -298,6 +296,5 @@ def _of_shape(geometry: coal.CollisionGeometry, down: Array) -> Array:
     circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(32)])
     for r in rounds:
         far = r.root @ down
-        lowest = r.reach * circle if r.rim >= 0 else (r.root @ far / np.linalg.norm(far))[None]
-        found.append(r.centre + lowest)
+        found.append(r.centre + (r.reach * circle if r.rim >= 0 else (r.root @ far / np.linalg.norm(far))[None]))
     return np.concatenate(found)

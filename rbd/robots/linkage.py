@@ -300,8 +300,10 @@ def lengths(what: str, **given: object) -> list[float]:
     Raises:
         InputError: one that is not a finite number above zero.
     """
-    unit = "in metres or kilograms"
-    return [checked_number(f"{name} of {what}, {unit},", value, least=1e-6, most=1e4) for name, value in given.items()]
+    return [
+        checked_number(f"{name} of {what}, in metres or kilograms,", value, least=1e-6, most=1e4)
+        for name, value in given.items()
+    ]
 
 
 def radius(*sizes: float) -> float:

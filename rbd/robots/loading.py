@@ -104,8 +104,7 @@ def load_robot(
     robot = _loaded(source, root, passive, limits, loops, leave_out, plane, data)
     if feet is not None:
         robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
-    plain = data is None and source.package_dirs[0] == source.urdf.parent
-    named = plain and (loops is None or isinstance(loops, bool))
+    named = data is None and source.package_dirs[0] == source.urdf.parent and (loops is None or isinstance(loops, bool))
     place = travelling.known_place(source) if named else None
     if place is not None:
         kept = None if limits == FileLimits() else limits
@@ -147,8 +146,9 @@ def _source(
     except UnicodeEncodeError as error:
         raise InputError(f"text has the character {error.object[error.start]!r}, which no file in UTF-8 has.") from None
     if b"<" not in data:
-        shown = f"{text!r:.80}"
-        raise InputError(f"text is {shown}, which is no XML; expected a URDF or MJCF. A file is loaded by load_robot(path).")
+        raise InputError(
+            f"text is {text!r:.80}, which is no XML; expected a URDF or MJCF. A file is loaded by load_robot(path)."
+        )
     element = parse_xml("the text", data, limits)
     name, ending = ("model", ".xml") if element.tag == "mujoco" else ("name", ".urdf")
     return catalogue.RobotSource.of_text(element.get(name, ""), ending, package_dirs), data

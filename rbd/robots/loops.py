@@ -116,10 +116,9 @@ def loop_file_of(source: catalogue.RobotSource, loops: str | os.PathLike[str] | 
 def read_postures(robot: CheckedModel, source: catalogue.RobotSource, mechanism: Mechanism) -> dict[str, Array]:
     """{name: q} of the SRDF, of an MJCF's keyframes, of the catalogue and of the loop file; of one name the last counts."""
     found = {} if source.srdf is None else semantic_postures(robot, source.srdf)
-    for keyframe in robot.model.referenceConfigurations:  # of an MJCF file
-        found[keyframe.key()] = pin.normalize(robot.model, keyframe.data())
-    for name, angles in source.postures.items():
-        found[name] = configuration(robot, angles)
+    keyframes = robot.model.referenceConfigurations  # of an MJCF file
+    found |= {keyframe.key(): pin.normalize(robot.model, keyframe.data()) for keyframe in keyframes}
+    found |= {name: configuration(robot, angles) for name, angles in source.postures.items()}
     return found | mechanism.postures(robot)
 
 
@@ -185,18 +184,14 @@ def _pose(numbers: tuple[float, ...]) -> pin.SE3:
 
 
 def _add_named(model: pin.Model, file: str, named: NamedFrame) -> None:
-    link = _frame_id(model, named.link, _MARKED)
+    marked = ((i, f) for kind in _MARKED for i, f in enumerate(model.frames) if f.type == kind)
+    link = next((i for i, f in marked if f.name == named.link), None)
     if link is None:
         links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
         raise ModelError(f"{file}: frame {named.name!r:.80} is on a link {named.link!r:.80}; {nearest(named.link, links)}.")
     if model.existFrame(named.name):
         raise ModelError(f"{file}: the robot has a frame {named.name!r:.80} already; give the new one another name.")
     _add(model, named.name, link, pin.SE3(pin.rpy.rpyToMatrix(np.array(named.rpy)), np.array(named.xyz)))
-
-
-def _frame_id(model: pin.Model, name: str, kinds: Iterable[pin.FrameType]) -> int | None:
-    """Index of the frame of this name, of the first kind that exists."""
-    return next((i for kind in kinds for i, f in enumerate(model.frames) if f.name == name and f.type == kind), None)
 
 
 def _add(model: pin.Model, name: str, parent: int, placement: pin.SE3) -> None:

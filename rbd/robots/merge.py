@@ -67,8 +67,7 @@ class RobotPair(CheckedModel):
         return partial(RobotPair, *self.members, self.placement, self.prefixes)
 
     def _content(self) -> str:
-        members = [robot.digest for robot in self.members]
-        return repr((members, self.placement.homogeneous.tolist(), self.prefixes))
+        return repr(([robot.digest for robot in self.members], self.placement.homogeneous.tolist(), self.prefixes))
 
     def _is_as_made(self) -> bool:
         return super()._is_as_made() and all(robot._is_as_made() for robot in self.members)
@@ -194,12 +193,8 @@ class RobotPair(CheckedModel):
     @property
     def collision_stand_ins(self) -> frozenset[str]:
         """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
-        names = [
-            prefix + name
-            for prefix, robot in zip(self.prefixes, self.members, strict=True)
-            for name in getattr(robot, "collision_stand_ins", ())
-        ]
-        return frozenset(names)
+        both = zip(self.prefixes, self.members, strict=True)
+        return frozenset(prefix + name for prefix, robot in both for name in getattr(robot, "collision_stand_ins", ()))
 
     def _geometry(self, kind: str) -> pin.GeometryModel:
         shapes = [getattr(robot, kind, pin.GeometryModel()).copy() for robot in self.members]
@@ -288,6 +283,5 @@ def _standing(robot: Any) -> State:
 
 def _feet(robot: Any, friction: float | None, facets: int) -> list[SurfaceContact | PointContact]:
     if isinstance(robot, RobotPair):
-        own = [_feet(member, friction, facets) for member in robot.members]
-        return robot.contacts(*own)
+        return robot.contacts(*(_feet(member, friction, facets) for member in robot.members))
     return robot.feet(friction, facets=facets) if hasattr(robot, "source") and robot.source.feet else []

@@ -84,18 +84,13 @@ def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
 
     A base that slides in an upright plane turns about the plane's normal alone.
     """
-    q, axis = q.copy(), _plane_normal(robot)
+    q, axis = q.copy(), None if robot.floating else robot.model.jointPlacements[1].rotation[:, 2]  # of a planar base
     state = State(robot, q)
     _turn(robot, q, _levelling(state, feet, UP, axis), state.base_pose().translation)
     if not any(len(foot.corners) > 1 for foot in feet):
         _balance(robot, q, feet, axis)
     _lower(robot, q, feet, FLOOR)
     return q
-
-
-def _plane_normal(robot: CheckedModel) -> Array | None:
-    """The axis of W about which a planar base turns; None of a floating one."""
-    return None if robot.floating else robot.model.jointPlacements[1].rotation[:, 2]
 
 
 def settled(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
@@ -181,8 +176,7 @@ def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> N
     """Name the feet that the joint angles leave off their ground, by more than a millimetre; `stacklevel` as of `warnings`."""
     told = []
     for foot in feet:
-        plane = standing_plane(foot.name, foot.on)
-        gaps = plane.distances(corner_points(state, [foot]))
+        gaps = standing_plane(foot.name, foot.on).distances(corner_points(state, [foot]))
         if np.abs(gaps).max() > TOUCHES:
             worst = float(gaps[np.argmax(np.abs(gaps))])
             told.append(f"{foot.name!r:.80} up to {1e3 * abs(worst):.3g} mm {'above' if worst > 0.0 else 'below'} it")
@@ -220,12 +214,8 @@ def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequenc
 
 def corner_points(state: State, feet: Sequence[Contact]) -> Array:
     """All corners of the feet, in W, shape (k, 3) [m]."""
-    out = []
-    for foot in feet:
-        patch = foot.rows(state).patch
-        assert patch is not None
-        out.append(patch.corners_W)
-    return np.concatenate(out)
+    patches = [foot.rows(state).patch for foot in feet]
+    return np.concatenate([patch.corners_W for patch in patches if patch is not None])
 
 
 def _levelling(state: State, feet: Sequence[Contact], normal: Array, axis: Array | None = None) -> Array:

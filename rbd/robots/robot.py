@@ -181,14 +181,12 @@ class Robot(ShapedRobot):
             upright = self.plane in ("xz", "yz") and self.source.feet
             return self._settled(stand(self, placed.q, self.feet(friction=None))) if upright else placed
         feet = self.feet(friction=None)
-        if name is None and not self.postures:
-            return self._settled(stand(self, self.neutral(), feet))
-        if name is None:
+        if name is None and self.postures:
             raise ModelError(
                 f"no standing posture is known for {self.name}; {nearest('standing', self.postures)}. "
                 "Name one, standing(posture), or build a State with your own q."
             )
-        return self._settled(stand(self, self.posture(name), feet))
+        return self._settled(stand(self, self.neutral() if name is None else self.posture(name), feet))
 
     def _settled(self, q: Array) -> State:
         state = State(self, settled(self, q, self.feet(friction=None)))

@@ -123,8 +123,8 @@ def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os
     closures = {f"pin_{i}": (f"coupler_{i}", f"crank_{i}") for i in range(1, n + 1)}
     upright = {link.name: math.pi / 2 for link in cranks} | {link.name: -math.pi / 2 for link in couplers}
     about = f"{n} four-bars in a row, {2 * n + 1} thin uniform bars of {L:g} m and {m:g} kg in the x-z plane."
-    name = f"n_four_bar_{n}"
-    return Linkage(name, about, ground, (*cranks, *couplers), closures, {"assembled": upright}, radius(L)).load(path)
+    links = (*cranks, *couplers)
+    return Linkage(f"n_four_bar_{n}", about, ground, links, closures, {"assembled": upright}, radius(L)).load(path)
 
 
 def too_long(**sides: float) -> str:

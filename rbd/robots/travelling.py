@@ -23,8 +23,7 @@ OWN = "rbd"
 def known_place(source: RobotSource) -> tuple[str, str] | None:
     """(package, file in it) of a robot that is installed with a package; None of any other."""
     if source.known:
-        folder = catalogue.robots_folder().resolve()
-        return DATA, source.urdf.resolve().relative_to(folder).as_posix()
+        return DATA, source.urdf.resolve().relative_to(catalogue.robots_folder().resolve()).as_posix()
     if catalogue.MODELS is not None and source.urdf.resolve().parent == catalogue.MODELS.resolve():
         return OWN, source.urdf.name
     return None

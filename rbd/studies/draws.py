@@ -66,8 +66,9 @@ def sample(
     if not isinstance(method, str) or method not in METHODS:
         raise InputError(f"method is {method!r:.80}; {nearest(method, METHODS)}.")
     if not isinstance(ranges, Mapping | None):
-        hint = "expected a mapping, {'seed': (0, 1)}, or ranges by name: friction=(0.1, 1.0)"
-        raise InputError(f"ranges is {ranges!r:.80}; {hint}.")
+        raise InputError(
+            f"ranges is {ranges!r:.80}; expected a mapping, {{'seed': (0, 1)}}, or ranges by name: friction=(0.1, 1.0)."
+        )
     if twice := sorted(set(ranges or ()) & set(more)):
         raise InputError(f"{twice[0]} is given twice, in ranges and by name; give it once.")
     asked = {**(ranges or {}), **more}
@@ -141,8 +142,10 @@ def _check(name: str, given: Any) -> None:
         try:
             at = np.asarray(ppf(QUANTILES), float)
         except (TypeError, ValueError) as error:
-            told = "freeze it with its parameters, as scipy.stats.norm(0.5, 0.1)"
-            raise InputError(f"{name} is a distribution that gives no quantiles ({str(error)[:120]}); {told}.") from None
+            raise InputError(
+                f"{name} is a distribution that gives no quantiles ({str(error)[:120]}); freeze it with its parameters, as "
+                "scipy.stats.norm(0.5, 0.1)."
+            ) from None
         if at.shape != QUANTILES.shape or not np.isfinite(at).all():
             raise InputError(f"{name} is a distribution whose quantiles are not finite numbers; check its parameters.")
     elif isinstance(given, list) and len(given) == 2 and _is_range(tuple(given)):

@@ -201,8 +201,10 @@ def check_call(function: object, names: Collection[str]) -> None:
         if is_one(function) or is_one(type(function).__call__):
             raise InputError(f"{called} is {what}; give a plain function, which returns its result.")
     if taken := [name for name in names if name in RESERVED]:
-        told = "Rename the parameter, or wrap the function"
-        raise InputError(f"an argument has the name {taken[0]!r}, which every dataset of a study has for itself. {told}.")
+        raise InputError(
+            f"an argument has the name {taken[0]!r}, which every dataset of a study has for itself. Rename the parameter, or "
+            "wrap the function."
+        )
     try:
         parameters = inspect.signature(function).parameters.values()
     except ValueError as error:  # of a builtin that has none, or of a partial that does not fit
@@ -219,8 +221,10 @@ def check_call(function: object, names: Collection[str]) -> None:
     needed = [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     missing = [name for name in needed if name not in names and not (name == "rng" and name in by_name)]
     if missing:
-        told = f"add them to the samples (one value is the same for all: rbd.grid({missing[0]}=...)), or give them defaults"
-        raise InputError(f"{called} needs {', '.join(missing)}, which the samples do not give; {told}.")
+        raise InputError(
+            f"{called} needs {', '.join(missing)}, which the samples do not give; add them to the samples (one value is the "
+            f"same for all: rbd.grid({missing[0]}=...)), or give them defaults."
+        )
 
 
 def takes_rng(function: Callable[..., Any]) -> bool:

@@ -291,8 +291,10 @@ class Crew:
             return None
         self.lost += 1
         if self.lost == MOST_LOST:
-            told = f"{words_of(way.start, way.stop)}: each process that computed it {error}"
-            raise StudyStopped(f"{MOST_LOST} samples, or batches, have ended their processes, the last of them {told}.")
+            raise StudyStopped(
+                f"{MOST_LOST} samples, or batches, have ended their processes, the last of them "
+                f"{words_of(way.start, way.stop)}: each process that computed it {error}."
+            )
         rows = KeptRows(way.stop - way.start, self.evaluation.keep, first=way.start)
         for i in range(rows.n):
             rows.refuse(i, error or ProcessDied(None), "; so did that of a second try")

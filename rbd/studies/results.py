@@ -414,8 +414,9 @@ class Layout:
         """
         kind = _KINDS.get(_kind(variable.values.dtype), "")
         if not kind:
-            told = "expected real numbers, truth values or text"
-            raise InputError(f"{name!r:.80} is an array of {variable.values.dtype} in {where}; {told}.")
+            raise InputError(
+                f"{name!r:.80} is an array of {variable.values.dtype} in {where}; expected real numbers, truth values or text."
+            )
         if len(variable.dims) != len(shape):
             raise InputError(f"{name!r:.80} has {len(shape)} axes in {where} and dimensions {variable.dims}.")
         form = {"kind": kind, "shape": shape, "dimensions": variable.dims, "unit": variable.units}

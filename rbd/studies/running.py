@@ -111,8 +111,7 @@ def study(
                 told = str(store.attributes["versions"]).replace("; then ", ", and the rest with ")
                 text = f"A part was computed with {told}. Results may differ in their last bits."
                 warnings.warn(text, StudyWarning, stacklevel=stacklevel_of_user())
-            filling = Filling(store, evaluation, found, pressed, chunk)
-            return filling.dataset(executor, progress=progress)
+            return Filling(store, evaluation, found, pressed, chunk).dataset(executor, progress=progress)
         finally:
             store.close()
 
@@ -232,8 +231,10 @@ class Filling:
                 self.interrupted, found = f"Ctrl-C after all {self.so_far}", self.store.dataset()
             self.warn()
         except Warning as error:  # by the filters of warnings
-            told = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
-            raise StudyStopped(told, dataset=found) from error
+            raise StudyStopped(
+                f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results.",
+                dataset=found,
+            ) from error
         except StudyStopped as error:
             with suppress(RbdError, OSError):
                 error.dataset = self.store.kept()

@@ -160,8 +160,7 @@ def _values(name: str, given: Any) -> Array:
     except TypeError as error:
         raise InputError(f"{name} is {given!r:.80}, which has no values to go through ({error}); give a list.") from None
     if any(isinstance(x, np.ma.MaskedArray) for x in ([listed] if isinstance(listed, np.ndarray) else listed)):
-        told = f"Give its values with NaN, {name}.filled(numpy.nan), or those that count"
-        raise InputError(f"{name} is a masked array. {told}.")
+        raise InputError(f"{name} is a masked array. Give its values with NaN, {name}.filled(numpy.nan), or those that count.")
     try:
         array = np.asarray(listed)
     except ValueError:  # of different shapes
@@ -230,9 +229,9 @@ def _check_distinct(found: Column) -> None:
     """
     shown = found.shown if found.labels is not None else found.values
     told = [str(x) for x in (shown + 0.0 if shown.dtype.kind == "f" else shown).tolist()]  # -0.0 is 0.0
-    twice = next((x for i, x in enumerate(told) if x in told[:i]), None) if len(set(told)) < len(told) else None
-    if twice is None:
+    if len(set(told)) == len(told):
         return
+    twice = next(x for i, x in enumerate(told) if x in told[:i])
     objects = found.values[[x == twice for x in told]].tolist() if found.values.dtype == object else []
     if objects and not isinstance(objects[0], str) and objects[0] is not objects[-1]:
         raise InputError(
@@ -407,8 +406,10 @@ class Samples(Displayed):
             raise InputError(f"both samples have {', '.join(both)}; an argument can stand in one of them only.")
         dims, more = self.dims if self._vary else {}, other.dims if other._vary else {}
         if both := sorted(set(dims) & set(more)):
-            told = "Draw all that is random in one rbd.sample; name the dimension of a table: rbd.studies.table(..., dimension="
-            raise InputError(f"both samples vary along {both[0]!r:.80}. {told}'case').")
+            raise InputError(
+                f"both samples vary along {both[0]!r:.80}. Draw all that is random in one rbd.sample; name the dimension of a "
+                "table: rbd.studies.table(..., dimension='case')."
+            )
         return Samples({**dims, **more}, (*self.given, *other.given))
 
     __array_ufunc__ = None  # so that an array times samples is refused, and not tried entry by entry

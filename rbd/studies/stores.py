@@ -149,8 +149,9 @@ class Store:
                     for damaged in self.load():
                         damaged.unlink()
                 elif any(folder.iterdir()):
-                    told = f"{str(folder)!r:.300} has other files than the parts of a study"
-                    raise InputError(f"{told}. Give another path as out=.")
+                    raise InputError(
+                        f"{str(folder)!r:.300} has other files than the parts of a study. Give another path as out=."
+                    )
                 _write(folder / OF, filled(coords, self.dims, {**self.attributes, DIMS: json.dumps(self.dims)}, {}))
             except BaseException as error:
                 self._end()

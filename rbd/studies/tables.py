@@ -70,8 +70,10 @@ def table(rows: object, *, dimension: str = "sample") -> Samples:
             raise InputError(f"samples are a data frame with columns {list(names)!r:.200}; name each once.")
         return _of_columns({name: given[name] for name in names}, dimension)
     if isinstance(given, np.ndarray):
-        told = "give columns by name: {'friction': array[:, 0], ...}"
-        raise InputError(f"samples are an array of shape {given.shape} without names; {told}.")
+        raise InputError(
+            f"samples are an array of shape {given.shape} without names; give columns by name: "
+            "{'friction': array[:, 0], ...}."
+        )
     if isinstance(given, str | bytes) or not isinstance(given, Iterable):
         number = isinstance(given, int) and not isinstance(given, bool)
         told = f" For random draws: rbd.sample({given!r}, friction=(0.1, 1.0))." if number else ""
@@ -106,8 +108,9 @@ def _of_columns(columns: Mapping[Any, Any], dimension: str) -> Samples:
         raise InputError(f"samples have no columns; expected {TAKEN}.")
     for name, values in columns.items():
         if isinstance(values, Mapping):
-            told = "Give a list; rbd.grid(...) takes {label: value}"
-            raise InputError(f"the column {name!r:.80} is a mapping, {values!r:.80}. {told}.")
+            raise InputError(
+                f"the column {name!r:.80} is a mapping, {values!r:.80}. Give a list; rbd.grid(...) takes {{label: value}}."
+            )
     found = [column(name, values, dimension) for name, values in columns.items()]
     lengths = {len(each): ", ".join(x.name for x in found if x.dim and len(x) == len(each)) for each in found if each.dim}
     if len(lengths) > 1:

@@ -239,18 +239,17 @@ def _started(
 
 def _check(found: FoundState, what: str) -> None:
     """Refuse what is no steady state."""
-    if found.residual <= ACCEPTED:
-        return
-    state = found.state
-    names = [c.name for c in state.robot.joints.velocities]
-    worst = int(np.abs(found.acceleration).argmax()) if len(names) else 0
-    raise NoSteadyState(
-        f"no {what} of {state.robot.name} was found from this start: after {found.iterations} steps the nearest state "
-        f"still has a residual of {found.residual:.3g}, and {names[worst]!r} accelerates by {found.acceleration[worst]:.3g}. "
-        "Start nearer to one, let torques be found (tau='free'), or keep fewer values; `error.state` has the nearest.",
-        state=state,
-        acceleration=max_abs(found.acceleration),
-    )
+    if found.residual > ACCEPTED:
+        state, names = found.state, [c.name for c in found.state.robot.joints.velocities]
+        worst = int(np.abs(found.acceleration).argmax()) if len(names) else 0
+        raise NoSteadyState(
+            f"no {what} of {state.robot.name} was found from this start: after {found.iterations} steps the nearest state "
+            f"still has a residual of {found.residual:.3g}, and {names[worst]!r} accelerates by "
+            f"{found.acceleration[worst]:.3g}. Start nearer to one, let torques be found (tau='free'), or keep fewer values; "
+            "`error.state` has the nearest.",
+            state=state,
+            acceleration=max_abs(found.acceleration),
+        )
 
 
 def _answer(

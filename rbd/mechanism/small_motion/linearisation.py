@@ -190,14 +190,12 @@ def _check_agreement(state: State, off: float, invariance: float, space: Tangent
     Raises:
         NotDifferentiable: naming the difference.
     """
-    worst = max(off, invariance)
-    if worst <= AGREED:
-        return
-    raise NotDifferentiable(
-        f"the linear equations of {state.robot.name} differ from its true motion by {worst:.2g}, relative: it does not move "
-        f"smoothly here. Its constraints have rank {space.rank_v} of {space.m} rows; where the rank is higher nearby, the "
-        "configuration is singular and motions branch (see rbd.mechanism.mobility). Take another one nearby."
-    )
+    if (worst := max(off, invariance)) > AGREED:
+        raise NotDifferentiable(
+            f"the linear equations of {state.robot.name} differ from its true motion by {worst:.2g}, relative: it does not "
+            f"move smoothly here. Its constraints have rank {space.rank_v} of {space.m} rows; where the rank is higher nearby, "
+            "the configuration is singular and motions branch (see rbd.mechanism.mobility). Take another one nearby."
+        )
 
 
 def _check_rank(state: State, manifold: ConstraintManifold) -> None:
@@ -208,10 +206,7 @@ def _check_rank(state: State, manifold: ConstraintManifold) -> None:
     """
     placed = manifold.placed
     rank = manifold.rank(manifold.at(state.q).J, RANK) if placed.any() else 0
-    if rank == int(placed.sum()):
-        return
-    most = max(ranks_nearby(manifold), default=rank)
-    if most > rank:
+    if rank < int(placed.sum()) and (most := max(ranks_nearby(manifold), default=rank)) > rank:
         raise NotDifferentiable(
             f"the configuration of {state.robot.name} is singular and motions branch there: its constraints have rank {rank} "
             f"of {int(placed.sum())} rows, and rank {most} nearby (see rbd.mechanism.mobility). Take another one nearby."
@@ -276,12 +271,9 @@ class Flow:
         Raises:
             NotDifferentiable: the rates have a kink there.
         """
-
-        def sample(h: float) -> Array:
-            return self._sample(h * change, h * torques)
-
         with warnings.catch_warnings(action="ignore", category=RbdWarning):
-            found = slope(sample, self._sample(0.0 * change, 0.0 * torques), STEP, "the state")
+            here = self._sample(0.0 * change, 0.0 * torques)
+            found = slope(lambda h: self._sample(h * change, h * torques), here, STEP, "the state")
         n = len(change)
         return found[:n], found[n:]
 

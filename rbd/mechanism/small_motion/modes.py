@@ -197,11 +197,8 @@ def largest_entry(dq: Array, dv: Array, scale: Array) -> tuple[complex, bool]:
 
 def in_phase(dq: Array, dv: Array, scale: Array) -> tuple[Array, Array]:
     """(dq, dv), each real where it is but for rounding."""
-    out = []
-    for part in (dq, dv):
-        size = max_abs(np.abs(part) / scale)
-        out.append(part.real if max_abs(np.abs(part.imag) / scale) <= 1e-9 * size else part)
-    return out[0], out[1]
+    real = [max_abs(np.abs(part.imag) / scale) <= 1e-9 * max_abs(np.abs(part) / scale) for part in (dq, dv)]
+    return dq.real if real[0] else dq, dv.real if real[1] else dv
 
 
 def shares_of(shape: Array, scale: Array, names: list[str]) -> dict[str, float]:

@@ -20,13 +20,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.analysis.state_changes import STEP, slope
 from rbd.answers.least_constraint import solve
 from rbd.arrays import Array, as_finite, max_abs, range_of
 from rbd.constraints.constraint import Constraint, has_friction, member
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NoSolution, RbdWarning
-from rbd.mechanism.small_motion.tangent_space import ad_matrix, fitted_spin, spin_axes, velocity_slopes
+from rbd.mechanism.small_motion.tangent_space import ad_matrix, fitted_spin, slopes_along, spin_axes, velocity_slopes
 from rbd.model.external import External
 from rbd.model.state import State
 
@@ -253,16 +252,9 @@ class Search:
 
     def _condition_slopes(self, condition: Condition, here: _Point) -> Array:
         moves, value = len(self.positions) + len(self.velocities), _value(condition, here.state)
-        n = moves + len(here.s) + len(here.tau) * self.free_torques
-        out = np.zeros((len(value), n))
-        for i in range(moves):
-            along = np.eye(n)[i]
-
-            def sample(h: float, along: Array = along) -> Array:
-                return _value(condition, self._moved(here, h * along).state)
-
-            out[:, i] = slope(sample, value, STEP, "the state")
-        return out
+        directions = np.eye(moves, moves + len(here.s) + len(here.tau) * self.free_torques)
+        found = slopes_along(lambda step: _value(condition, self._moved(here, step).state), directions, value, "the state")
+        return found @ directions
 
 
 @dataclass(frozen=True, eq=False)

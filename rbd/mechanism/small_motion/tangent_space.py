@@ -21,6 +21,7 @@ The coin's place and direction are those of q_s, and its own q = q_s (+) t eta.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,20 +170,25 @@ def independent_rows(N: Array) -> Array:
     return np.sort(farthest_columns(N.T, np.arange(len(N)), 1.0 - 1e-6, 0.0)[0][: N.shape[1]]).astype(int)
 
 
+def slopes_along(sample: Callable[[Array], Array], directions: Array, here: Array, what: str) -> Array:
+    """Derivatives of a sample at zero along each direction, shape (m, k), by differences; {} in `what` is its number."""
+    found = [
+        slope(lambda h, along=along: sample(h * along), here, STEP, what.format(i))  # type: ignore[misc]
+        for i, along in enumerate(directions)
+    ]
+    return np.array(found).reshape(len(directions), len(here)).T
+
+
 def velocity_slopes(state: State, manifold: ConstraintManifold, here: StackedRows) -> Array:
     """D = d(J v - u)/dq at fixed v, shape (m, nv), by differences of the sixth order; zero at rest on ground at rest."""
-    nv, v = state.robot.nv, state.v
-    D = np.zeros((len(here.J), nv))
-    if not len(D) or not (v.any() or any(is_carried(c) for c in manifold.constraints)):
-        return D
-    for i in range(nv):
-        along = np.eye(nv)[i]
+    robot, v = state.robot, state.v
+    if not len(here.J) or not (v.any() or any(is_carried(c) for c in manifold.constraints)):
+        return np.zeros((len(here.J), robot.nv))
 
-        def sample(h: float, along: Array = along) -> Array:
-            return manifold.rows(State(state.robot, pin.integrate(state.robot.model, state.q, h * along), v)).velocity
+    def velocity(step: Array) -> Array:
+        return manifold.rows(State(robot, pin.integrate(robot.model, state.q, step), v)).velocity
 
-        D[:, i] = slope(sample, here.velocity, STEP, f"q[{i}]")
-    return D
+    return slopes_along(velocity, np.eye(robot.nv), here.velocity, "q[{}]")
 
 
 _EQUAL = 1e-9

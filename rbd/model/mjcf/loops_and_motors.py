@@ -175,8 +175,7 @@ def _effort(
     low, high = max(float(min(span)) for span in spans), min(float(max(span)) for span in spans)
     least = min(-low, high)
     if not least > 0.0:
-        came = f"torques from {low:g} to {high:g}"
-        wrong.stop(f"{what} {came}: limits here are the same both ways, and not zero. {_LEAVE}.")
+        wrong.stop(f"{what} torques from {low:g} to {high:g}: limits here are the same both ways, and not zero. {_LEAVE}.")
     if abs(low + high) > 1e-12 * least:
         told.append(("one-sided", f"gives torques from {low:g} to {high:g}; taken as {least:g} either way"))
     return least, told

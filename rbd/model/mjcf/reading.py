@@ -102,11 +102,10 @@ class Mjcf:
     @property
     def springs(self) -> dict[str, tuple[float, float]]:
         """{joint: (stiffness [N m/rad, N/m], coordinate at rest [rad, m])}; the latter 0 of a ball joint: its drawn pose."""
-        m, out = self.model, {}
-        for name, stiffness, kind, at in zip(self.joints, m.jnt_stiffness, m.jnt_type, m.jnt_qposadr, strict=True):
-            if stiffness != 0.0 and not is_off(m, "SPRING"):
-                out[name] = float(stiffness), 0.0 if kind in (FREE, BALL) else float(m.qpos_spring[at])
-        return out
+        m = self.model
+        rest = np.where(np.isin(m.jnt_type, (FREE, BALL)), 0.0, m.qpos_spring[m.jnt_qposadr])
+        own = zip(self.joints, m.jnt_stiffness.tolist(), rest.tolist(), strict=True)
+        return {name: (k, at) for name, k, at in own if k != 0.0 and not is_off(m, "SPRING")}
 
 
 def read_mjcf(

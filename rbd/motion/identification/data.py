@@ -176,11 +176,11 @@ class MeasuredMotion(Displayed):
         t = self.motion.t
         names = [c.name for c in self._given]
         known, open_ = [n for n in names if n in self.forces], [n for n in names if n not in self.forces]
-        told = [f"{self.frames} frames over {float(t[-1] - t[0]):.4g} s"]
-        told.append("torques measured" if self.tau is not None else "no torques")
-        told += [f"forces of {', '.join(known)} measured"] * bool(known) + [f"forces of {', '.join(open_)} unknown"] * bool(
-            open_
-        )
+        told = [
+            f"{self.frames} frames over {float(t[-1] - t[0]):.4g} s",
+            "no torques" if self.tau is None else "torques measured",
+        ]
+        told += [f"forces of {', '.join(of)} {what}" for of, what in ((known, "measured"), (open_, "unknown")) if of]
         return ", ".join(told)
 
 
@@ -260,11 +260,6 @@ def is_told(told: Array, change: Array) -> bool:
     return bool(np.linalg.norm(change - told @ (told.T @ change)) <= 1e-6 * np.linalg.norm(change))
 
 
-def _triangle(parts: list[Array]) -> Array:
-    """R of the QR factorisation of stacked rows."""
-    return np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))
-
-
 class StackedMotions:
     """The equations of motions, with weights.
 
@@ -288,10 +283,9 @@ class StackedMotions:
         for motion in self.motions:
             for i in range(motion.frames):
                 state, Y, b, E = motion.equations(i, self.columns)
-                W = np.diag(1.0 / self.sigma)
-                if self.noise is not None:
-                    noise = self.noise.covariance(state, np.asarray(motion.motion.a[i]), None, torques=motion.tau is not None)
-                    W = whitening(noise, self.scale)
+                a, torques = np.asarray(motion.motion.a[i]), motion.tau is not None
+                noise = None if self.noise is None else self.noise.covariance(state, a, None, torques=torques)
+                W = np.diag(1.0 / self.sigma) if noise is None else whitening(noise, self.scale)
                 Q = null_space((W @ E).T) if E.shape[1] else np.eye(len(b))
                 yield Y, b, W, Q
 
@@ -304,8 +298,8 @@ class StackedMotions:
             stack.append(np.column_stack([T @ Y[:, self.base.columns], T @ b]))
             count, waiting = count + len(T), waiting + len(T)
             if waiting > _CHUNK:
-                kept, stack, waiting = _triangle([kept, *stack]), [], 0
-        kept = _triangle([kept, *stack])
+                kept, stack, waiting = np.asarray(np.linalg.qr(np.concatenate([kept, *stack]), mode="r")), [], 0
+        kept = np.asarray(np.linalg.qr(np.concatenate([kept, *stack]), mode="r"))
         rest = float(np.sum(kept[r:, r] ** 2))
         return Equations(kept[:r, :r], kept[:r, r], rest, count)
 

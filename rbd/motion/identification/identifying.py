@@ -12,7 +12,7 @@ from rbd.arrays import Array, check_number, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InaccurateWarning, InputError, ModelWarning, PoorExcitationWarning
 from rbd.model.checked_model import CheckedModel
-from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
+from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities, parameter_values
 from rbd.model.state import State
 from rbd.motion.identification.combinations import BaseParameters, base_parameters
 from rbd.motion.identification.data import (
@@ -58,14 +58,11 @@ class IdentificationSetup:
         theta = _possible(robot, inertial_parameters(robot))
         base = base_parameters(robot, columns=columns)
         data, driven = StackedMotions(motions, base, columns, noise), joint_velocities(robot)
-        rotors, none = np.array(robot.model.armature, float)[driven], np.zeros(len(driven))
         inertia = "inertia" in columns
-        values = [theta.ravel()] if inertia else []
-        values += [rotors if column == "rotor_inertia" else none for column in columns if column != "inertia"]
         bodies = np.flatnonzero(theta[:, 0] > 0.0) if inertia else np.zeros(0, int)
         wide = np.tile(BROAD * data.scale[driven], len(columns) - inertia)
         sizes = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])
-        prior = Prior(np.concatenate(values), bodies, wide, 1.0 / (4.0 * spread**2))
+        prior = Prior(parameter_values(robot, columns, theta), bodies, wide, 1.0 / (4.0 * spread**2))
         return cls(base, data, prior, np.linalg.norm(base.B * sizes, axis=1))
 
 

@@ -84,8 +84,10 @@ def _second_moments(theta: Array) -> Array:
 
 _INSIDE, _GAP = 1e-5, 1e-4
 """Of an accepted answer: how negative an eigenvalue may be, over the body's own; and the gap to what is proved impossible."""
-_UPPER = [(i, j) for j in range(4) for i in range(j + 1)]
-"""Entries of a symmetric matrix in Clarabel's order: columns of the upper triangle; off the diagonal times sqrt 2."""
+_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+"""Entries of a symmetric matrix in Clarabel's order: columns of the upper triangle."""
+_WEIGHTS = np.where(_ROWS == _COLUMNS, 1.0, 2.0**0.5)
+"""What Clarabel multiplies them with."""
 
 
 def mass_interval(theta: Array, kept: Array, body: int, bodies: int) -> tuple[float, float]:
@@ -100,27 +102,21 @@ def mass_interval(theta: Array, kept: Array, body: int, bodies: int) -> tuple[fl
     Raises:
         NoSolution: a program was not solved.
     """
-    with_mass = [b for b in range(bodies) if theta[10 * b] > 0.0]
+    with_mass = [slice(10 * b, 10 * b + 10) for b in range(bodies) if theta[10 * b] > 0.0]
+    bases = [whitened_basis(pseudo_inertia(theta[own])) for own in with_mass]
     unit = np.zeros(len(theta))
-    for b in with_mass:
-        own = slice(10 * b, 10 * b + 10)
-        unit[own] = 1.0 / np.linalg.norm(whitened_basis(pseudo_inertia(theta[own])).reshape(10, 16), axis=1)
+    for own, basis in zip(with_mass, bases, strict=True):
+        unit[own] = 1.0 / np.linalg.norm(basis.reshape(10, 16), axis=1)
     unit[10 * bodies :] = 1.0
     free = np.flatnonzero(unit)
     scaled = kept[:, free] * unit[free]
-    basis = null_space(scaled / np.maximum(np.linalg.norm(scaled, axis=1), 1e-300)[:, None])
-    Z = np.zeros((len(theta), basis.shape[1]))
-    Z[free] = unit[free, None] * basis
-    blocks, sides = [], []
-    for b in with_mass:
-        own = slice(10 * b, 10 * b + 10)
-        relative = np.tensordot(Z[own].T, whitened_basis(pseudo_inertia(theta[own])), axes=1)  # (d, 4, 4)
-        if np.abs(relative).max(initial=0.0) <= 1e-12:
-            continue
-        blocks.append(np.array([(1.0 if i == j else 2.0**0.5) * relative[:, i, j] for i, j in _UPPER]))
-        sides.append(np.array([1.0 if i == j else 0.0 for i, j in _UPPER]))
+    open_ = null_space(scaled / np.maximum(np.linalg.norm(scaled, axis=1), 1e-300)[:, None])
+    Z = np.zeros((len(theta), open_.shape[1]))
+    Z[free] = unit[free, None] * open_
+    changes = [np.tensordot(Z[own].T, basis, axes=1) for own, basis in zip(with_mass, bases, strict=True)]  # (d, 4, 4)
+    blocks = [(x[:, _ROWS, _COLUMNS] * _WEIGHTS).T for x in changes if np.abs(x).max(initial=0.0) > 1e-12]
     goal = Z[10 * body]
-    m, G, h = float(theta[10 * body]), np.concatenate(blocks), np.concatenate(sides)
+    m, G, h = float(theta[10 * body]), np.concatenate(blocks), np.tile(np.eye(4)[_ROWS, _COLUMNS], len(blocks))
     low, high = (_extreme(sign * goal, G, h, m) for sign in (1.0, -1.0))
     return max(0.0, m + low), m - high
 
@@ -152,8 +148,7 @@ def _extreme(goal: Array, G: Array, h: Array, mass: float) -> float:
 def _matrices(packed: Array) -> Array:
     """Symmetric matrices of their packed entries, shape (k, 4, 4)."""
     out = np.zeros((len(packed) // 10, 4, 4))
-    for (i, j), x in zip(_UPPER, packed.reshape(-1, 10).T, strict=True):
-        out[:, i, j] = out[:, j, i] = x if i == j else x / 2.0**0.5
+    out[:, _ROWS, _COLUMNS] = out[:, _COLUMNS, _ROWS] = packed.reshape(-1, 10) / _WEIGHTS
     return out
 
 

@@ -158,11 +158,9 @@ class Identification(Displayed):
         untold = np.linalg.norm(seen.V[:, rank:], axis=1)
         relative = np.sqrt(np.maximum(np.diag(spread), 0.0) + (believed * untold) ** 2)
         values = base.values(found.theta)
-        eigenvalues = [np.inf]
-        for b in prior.bodies:
-            own = slice(10 * b, 10 * b + 10)
-            beside_model = np.tensordot(found.theta[own], whitened_basis(pseudo_inertia(prior.theta[own])), axes=1)
-            eigenvalues.append(float(np.linalg.eigvalsh(beside_model)[0]))
+        bodies = [(x[10 * b : 10 * b + 10] for x in (found.theta, prior.theta)) for b in prior.bodies]
+        relative_P = [np.tensordot(own, whitened_basis(pseudo_inertia(model)), axes=1) for own, model in bodies]
+        least_eigenvalue = min([np.inf, *(float(np.linalg.eigvalsh(P)[0]) for P in relative_P)])
         return cls(
             motions[0].robot,
             columns,
@@ -178,7 +176,7 @@ class Identification(Displayed):
             data.sigma.copy(),
             data.residuals(values)[0],
             data.residuals(base.values(prior.theta))[0],
-            IdentificationCertificate(found.decrement, min(eigenvalues), equations.count, rank, plain.spectrum(unit).condition),
+            IdentificationCertificate(found.decrement, least_eigenvalue, equations.count, rank, plain.spectrum(unit).condition),
             V,
             unit,
         )
@@ -232,15 +230,9 @@ class Identification(Displayed):
     @lazy
     def open_bodies(self) -> tuple[str, ...]:
         """Bodies whose mass the data do not tell by itself: only together with others', see `mass_range`."""
-        out, p = [], len(self.base.names)
-        for i, name in enumerate(body_names(self.model) if "inertia" in self.columns else ()):
-            own = np.zeros(p)
-            own[10 * i] = 1.0
-            if self.theta[10 * i] > 0.0 and not (
-                self.base.reaches(own) and is_told(self.told, own[self.base.columns] * self.unit)
-            ):
-                out.append(name)
-        return tuple(out)
+        unit, names = np.eye(len(self.base.names)), body_names(self.model) if "inertia" in self.columns else ()
+        heavy = [(name, unit[10 * i]) for i, name in enumerate(names) if self.theta[10 * i] > 0.0]
+        return tuple(name for name, own in heavy if not np.isfinite(self._deviation(own)))
 
     def mass_range(self, body: str) -> tuple[float, float]:
         """(least, largest) mass of a body [kg] with the same base parameters, all bodies possible: what the data leave open.

@@ -16,7 +16,7 @@ from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
-from rbd.model.urdf import BASE_JOINT
+from rbd.model.urdf import BASE_JOINT, depth_first, grouped
 from rbd.model.world import Plane, checked_plane
 from rbd.robots import catalogue
 from rbd.robots.building.parts import BuilderBody, BuilderJoint, a_body
@@ -344,15 +344,11 @@ class RobotBuilder(Displayed):
 
     def _order(self) -> list[str]:
         """The joints that move, as declared; none where Pinocchio, by the alphabet and depth-first, has them so."""
-        joints = self._joints.values()
-        declared = [joint.name for joint in joints if joint.kind != "fixed"]
-        by_name = sorted(joints, key=lambda joint: joint.name)
-        children = {joint.child for joint in joints}
-        found, waiting = [], [joint for joint in reversed(by_name) if joint.parent not in children]
-        while waiting:
-            joint = waiting.pop()
-            found += [joint.name] if joint.kind != "fixed" else []
-            waiting += [other for other in reversed(by_name) if other.parent == joint.child]
+        on = {joint.child: joint for joint in self._joints.values()}
+        declared = [joint.name for joint in on.values() if joint.kind != "fixed"]
+        by_name = sorted(on.values(), key=lambda joint: joint.name)
+        below = grouped((joint.parent if joint.parent in on else "", joint.child) for joint in by_name)
+        found = [on[body].name for body in depth_first("", below) if on[body].kind != "fixed"]
         return [] if found == declared else declared
 
     def robot(

@@ -57,8 +57,7 @@ class BuilderBody:
         return self.inertial is not None and float(np.linalg.eigvalsh(self.inertial.inertia)[0]) <= 0.0
 
 
-def _positive(what: str, value: object) -> float:
-    return checked_number(what, value, least=0.0, most=1e300)
+_positive: Check = partial(checked_number, least=0.0, most=1e300)
 
 
 def _limit(what: str, value: object) -> float:
@@ -105,8 +104,9 @@ class BuilderJoint:
         if self.kind == "planar" and self.axis != (0.0, 0.0, 1.0):
             raise InputError(f"{what} is planar, with axis {self.axis}; it moves in x and y of its frame: turn that by rpy.")
         if self.motor and self.kind in ("fixed", "free"):
-            joints = ", ".join(SINGLE)
-            raise InputError(f"{what} is {self.kind} and has a motor; expected a joint that a motor can move: {joints}.")
+            raise InputError(
+                f"{what} is {self.kind} and has a motor; expected a joint that a motor can move: {', '.join(SINGLE)}."
+            )
         given = [key for key in ("damping", "friction", "armature", "effort", "speed") if getattr(self, key)]
         if given and self.kind not in SINGLE:
             raise InputError(
@@ -154,8 +154,10 @@ def a_body(
     centre = np.array((0.0, 0.0, 0.0) if com is None else checked_triple(f"com of {what}", com))
     tensor = _tensor(f"inertia of {what}", inertia)
     if 0.0 < kg < LIGHTEST or (kg == 0.0 and tensor.any()):
-        why = f"{kg:g} kg" if kg else "an inertia and no mass"
-        raise InputError(f"{what} has {why}; no body can have that. Expected a mass of {LIGHTEST:g} kg or more, or nothing.")
+        raise InputError(
+            f"{what} has {f'{kg:g} kg' if kg else 'an inertia and no mass'}; no body can have that. Expected a mass of "
+            f"{LIGHTEST:g} kg or more, or nothing."
+        )
     check_moments(what, tensor)
     return BuilderBody(name, pin.Inertia(kg, centre, tensor), tuple(solids), elements)
 

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import ModelError, nearest
-from rbd.model.urdf import PAIRS, hanging
+from rbd.model.urdf import PAIRS, grouped, hanging
 from rbd.robots.building.parts import ENTRIES, FARTHEST_SLIDE, FARTHEST_TURN, SINGLE, URDF_TYPES, BuilderBody, BuilderJoint
 from rbd.robots.building.solids import Solid
 from rbd.robots.loop_file import NamedFrame
@@ -33,8 +33,8 @@ def urdf_text(
     own = {color: f"own_{i}" for i, color in enumerate(color for color in used if color not in COLORS)}
     told = about.replace("--", "- -")
     out = ['<?xml version="1.0"?>\n', f"<!-- {escape(told)} -->\n" if told else "", f"<robot name={quoteattr(name)}>\n"]
-    for color, rgba in (*COLORS.items(), *((mark, rgba) for rgba, mark in own.items())):
-        out.append(f'  <material name="{color}"><color rgba="{rgba}"/></material>\n')
+    colors = (*COLORS.items(), *((mark, rgba) for rgba, mark in own.items()))
+    out += [f'  <material name="{color}"><color rgba="{rgba}"/></material>\n' for color, rgba in colors]
     out += [text for body in bodies for text in _body(body, own)]
     out += [text for joint in joints for text in _joint(joint)]
     return "".join([*out, *map(_frame, frames), "</robot>\n"])
@@ -180,9 +180,7 @@ def check_tree(
             raise ModelError(f"{name}: frame {frame.name!r:.80} is on {frame.link!r:.80}; {_missing(frame.link, root, bodies)}")
         if (own := f"{frame.name}_joint") in names:
             raise ModelError(f"{name}: joint {own!r:.80} is that of frame {frame.name!r:.80} in the file; rename one.")
-    moved, below = {joint.child for joint in joints}, dict[str, list[str]]()
-    for joint in joints:
-        below.setdefault(joint.parent, []).append(joint.child)
+    moved, below = {joint.child for joint in joints}, grouped((joint.parent, joint.child) for joint in joints)
     roots = [body for body in bodies if body not in moved]
     if len(roots) != 1:
         found = ", ".join(f"{body!r:.80}" for body in roots[:6]) or "none: the joints make a circle, close it with .loop"
