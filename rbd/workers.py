@@ -1,4 +1,4 @@
-"""`Workers`: processes that compute what is submitted, of which some may die; and scripts that would start them without end."""
+"""`Workers`: processes that compute what is submitted, of which some may die; scripts that would start them; BLAS threads."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, TypeVar
 
 from rbd.arrays import check_whole
@@ -112,6 +113,35 @@ class ProcessDied(Exception):  # noqa: N818  it says what happened
             more = ", as the system does where memory runs out" if self.code == -signal.SIGKILL else ""
             told = f"was ended by signal {-self.code} ({signal.Signals(-self.code).name}){more}"
         super().__init__(told)
+
+
+_LIMITED = threading.Lock()
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Within, NumPy's and SciPy's BLAS use one thread in this process, and afterwards as many as before.
+
+    On matrices of a hundred rows several threads wait for each other longer than they compute: where other programs run, too, a
+    falling humanoid's steps take four times as long with two threads. The bits are the same. A block inside another, also of
+    another thread, changes nothing: the first one sets and restores.
+    """
+    if not _LIMITED.acquire(blocking=False):
+        yield
+        return
+    try:
+        with _libraries().limit(limits=1, user_api="blas"):
+            yield
+    finally:
+        _LIMITED.release()
+
+
+@cache
+def _libraries() -> Any:
+    import scipy.linalg  # loaded first, so that its BLAS is found  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def cores() -> int:

@@ -23,6 +23,7 @@ from rbd.motion.report import CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
 from rbd.simulation.progress_bar import progress_of
 from rbd.solvers.cone_least_squares import nearest_in_cones
+from rbd.workers import one_blas_thread
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
@@ -96,7 +97,7 @@ def check_motion(
     settings = CheckSettings(mu, torque_limits, ground, most, bodies, self_collision, torque_speed, rest_speed)
     lanes = _lanes(motion, contacts, settings)
     span = (0.0, float(motion.n))
-    with progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
+    with one_blas_thread(), progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
         found = balance(motion, lanes, settings, limit, bounds, told)
     collisions = self_collisions(robot, motion.q, *placements(robot, motion.q)) if self_collision else None
     masks = {

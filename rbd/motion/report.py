@@ -28,6 +28,7 @@ from rbd.motion.self_collision import SelfCollisions
 from rbd.records import Field
 from rbd.simulation.progress_bar import progress_of
 from rbd.simulation.trajectory_file import a_trajectory_path
+from rbd.workers import one_blas_thread
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -283,7 +284,8 @@ class MotionReport(Displayed):
             told = f"the reference floats in most frames, and was moved by {1e3 * by:.0f} mm to the floor, as lifted() does."
             return replace(found, notes=(first, told, *more))
         m = self.motion
-        with progress_of((float(m.t[0]), float(m.t[-1])), shown=progress, doing=f"following {m.source}") as done:
+        span = (float(m.t[0]), float(m.t[-1]))
+        with one_blas_thread(), progress_of(span, shown=progress, doing=f"following {m.source}") as done:
             return nearest_motion(m, self.lanes, self.friction, share, unused, longest, done)
 
     def arrays(self) -> dict[str, Array]:

@@ -45,6 +45,7 @@ from rbd.simulation.recording import Recording
 from rbd.simulation.simulated_motion import AtEvents, Event, Integrator, Sample, SimulatedMotion, Stabilisation
 from rbd.simulation.trajectory import Trajectory
 from rbd.solvers.default import slip_law
+from rbd.workers import one_blas_thread
 
 MOST_STEPS = 100_000_000
 
@@ -146,7 +147,7 @@ def simulate(
     phases = Phases(replace(motion, plastic=plastic), off, state, times)
     floors = () if may_sink else Floor.of(state, motion.constraints)
     t, here, interrupted, ended, sunk = 0.0, state, "", Reason.NONE, ""
-    with progress_of(times, shown=progress) as shown:
+    with progress_of(times, shown=progress) as shown, one_blas_thread():
         try:
             motion.start()
             for sample in phases.run(chosen):
