@@ -30,8 +30,8 @@ from rbd.solvers.newton_kernel import (
     span,
 )
 
-MOBILITY = 10.0
-"""Of each scaled part, which balances weights and accelerations: fewest steps, of 1 to 30 tried."""
+MOBILITY, SINGLE = 10.0, 1.0
+"""Of each scaled cone and single column, which balances weights and accelerations: fewest steps, of 0.1 to 30 tried."""
 LEAST_PUSH = 1e-3
 """Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""
 STILL, NEARLY = 1e-12, 1e-6
@@ -43,6 +43,8 @@ _ROUGH, _CLOSE = 1e-4, 1e-4
 """Merits at which further points are looked for, and below which not before this merit is `EXACT`."""
 _NEARLY = 1e-12
 """Merit at which no further points are taken into account."""
+_FINE = 1e-9
+"""Compliance in Newton's matrix in the last steps."""
 _EARLY = 6
 """First steps in which the sum of squares may grow."""
 
@@ -51,7 +53,7 @@ _EARLY = 6
 def _scaled(given: Problem, unit: Array) -> tuple[Problem, float]:
     """(the scaled problem, the rate by which accelerations were divided), and each part's `unit`.
 
-    Each part's block of Q_y' D Q has the largest diagonal `MOBILITY`; Q_y' c + offset is of order one.
+    Each part's block of Q_y' D Q has the largest diagonal `MOBILITY`, or `SINGLE`; Q_y' c + offset is of order one.
     """
     n, most, rate = len(given.lower), 0.0, 0.0
     for i in range(len(unit)):
@@ -69,7 +71,7 @@ def _scaled(given: Problem, unit: Array) -> tuple[Problem, float]:
         most = max(most, size)
     columns, felt, offset = given.columns.copy(), given.felt.copy(), given.offset.copy()
     for i in range(len(unit)):
-        unit[i] = math.sqrt(MOBILITY / max(unit[i], 1e-12 * most if most > 0.0 else 1.0))
+        unit[i] = math.sqrt((SINGLE if i < n else MOBILITY) / max(unit[i], 1e-12 * most if most > 0.0 else 1.0))
         start, stop = span(i, n)
         for j in range(start, stop):
             offset[j] *= unit[i]
@@ -166,6 +168,10 @@ def _forces(given: Problem, start: Array, coulomb: bool, seeds: Array, out: Arra
             break
     if not merit <= FOUND:  # many points close to each other: compliant ones first, whose answer is unique
         merit, more = settle(problem, w, unit[n:], MOBILITY, merit, firm, room)
+        steps += more
+    if EXACT < merit <= FOUND:  # the steps' own regularisation stalls rows that are nearly dependent
+        fine = Settings(firm.soft, firm.about, _FINE, 0, _EARLY, coulomb)
+        merit, more = damped_steps(problem, chosen[:count], w, fine, EXACT, room)
         steps += more
     if coulomb and merit <= FOUND:
         merit, more, opened = limit(problem, w, unit[n:], MOBILITY, merit, firm, room)

@@ -89,7 +89,8 @@ class Settings(NamedTuple):
 class Room(NamedTuple):
     """Working arrays: (p,), (nw,), the modes (n + k, 4) of the parts (mode, factor, direction), rows in use, blocks of parts.
 
-    Parts that begin in one row, one behind the other, share a block of Q M Q': their numbers, where they begin, the blocks.
+    Parts that begin in one row, one behind the other, share a block of Q M Q': their numbers, (first row, rows) of
+    each, the blocks.
     """
 
     p: Array
@@ -116,9 +117,10 @@ def room_of(problem: Problem) -> Room:
     for i in range(1, parts):
         blocks[i] = blocks[i - 1] + (problem.first[i] != problem.first[i - 1])
     count = blocks[-1] + 1 if parts else 0
-    starts = np.zeros(count, np.int64)
+    starts = np.zeros((count, 2), np.int64)
     for i in range(parts):
-        starts[blocks[i]] = problem.first[i]
+        starts[blocks[i], 0] = problem.first[i]
+        starts[blocks[i], 1] = max(starts[blocks[i], 1], problem.width[i])
     return Room(
         of_columns[0], of_columns[1], of_columns[2], of_columns[3], of_columns[4], of_rows[0], of_rows[1], of_rows[2],
         np.zeros((parts, 4)), np.zeros(nw, np.int64), blocks, starts, np.zeros((count, d, d)), np.zeros((nw, nw)),
@@ -253,14 +255,14 @@ def newton_step(problem: Problem, parts: Array, settings: Settings, room: Room) 
             A[r, s] = 0.0
         A[r, r] = 1.0
     for b in range(len(B)):
-        begin = room.starts[b]
-        d = min(B.shape[1], nw - begin)
+        begin = room.starts[b, 0]
+        d = min(room.starts[b, 1], nw - begin)
         for r in range(d):
             row = A[begin + r]
             for t in range(d):
                 x, felt_by = B[b, r, t], D[begin + t]
                 f[begin + r] -= x * a[begin + t]
-                for s in range(nw):
+                for s in range(nw if x != 0.0 else 0):
                     row[s] += x * felt_by[s]
     count = 0
     for r in range(nw):
