@@ -83,20 +83,22 @@ def largest_first(values: object) -> Array:
     return np.argsort(np.round((finite.max(initial=-np.inf) - numbers) / unit) if len(finite) else -numbers, kind="stable")
 
 
+def locked(array: Array) -> Array:
+    """The array itself, read-only: it is cached, or shared."""
+    array.setflags(write=False)
+    return array
+
+
 @lru_cache(maxsize=64)
 def zeros(n: int) -> Array:
     """A read-only vector of zeros, cached."""
-    out = np.zeros(n)
-    out.flags.writeable = False
-    return out
+    return locked(np.zeros(n))
 
 
 @lru_cache(maxsize=64)
 def identity(n: int) -> Array:
     """A read-only identity matrix, made once."""
-    out = np.eye(n)
-    out.flags.writeable = False
-    return out
+    return locked(np.eye(n))
 
 
 def as_array(what: str, value: object) -> Array:

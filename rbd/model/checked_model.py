@@ -17,7 +17,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, blas, check_finite, check_flag, lazy, max_abs
+from rbd.arrays import Array, as_array, as_finite, blas, check_finite, check_flag, lazy, locked, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.errors.inputs import check_kind, listed_items
@@ -96,8 +96,7 @@ class CheckedModel(Displayed):
         #: Circles to normalise together, and the blocks that then remain; of a few circles that would be slower.
         self._circles = np.array([circles, circles]) + [[0], [1]] if len(circles) >= 4 else None
         self._spheres = [(begin, end) for begin, end in self._unit_blocks if end - begin != 2]
-        self.zero_v = np.zeros(self.nv)
-        self.zero_v.flags.writeable = False
+        self.zero_v = locked(np.zeros(self.nv))
         self.sound = True
         self._as_made = model.copy()
         self.pool = DataPool(model)
@@ -301,9 +300,9 @@ class CheckedModel(Displayed):
     @property
     def unit_coordinates(self) -> dict[str, tuple[str, Array]]:
         """{"position_unit", "velocity_unit", "motor_unit": (dimension, unit of each entry)}, as xarray takes coordinates."""
-        per = {"velocity": "/s"}
         units = {dim: axis.units for dim, axis in self.coordinate_axes.items() if dim not in AXES}
-        return {f"{dim}_unit": (dim, np.array([x + per.get(dim, "") for x in own], str)) for dim, own in units.items()}
+        units["velocity"] = tuple(f"{unit}/s" for unit in units["velocity"])
+        return {f"{dim}_unit": (dim, np.array(own, str)) for dim, own in units.items()}
 
     def frame(self, name: str) -> pin.Frame:
         """The Pinocchio frame of this name; a link takes precedence over a joint of the same name.

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, as_vector3, filled, lazy
+from rbd.arrays import Array, as_finite, as_vector3, filled, lazy, locked
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -66,9 +66,7 @@ class State(Displayed):
     def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-        self.robot, self.q, self.v = robot, robot.check_q(q), robot.zero_v if v is None else robot.check_v(v)
-        self.q.setflags(write=False)
-        self.v.setflags(write=False)
+        self.robot, self.q, self.v = robot, locked(robot.check_q(q)), robot.zero_v if v is None else locked(robot.check_v(v))
 
     _slot: Slot | None = None
     _ticket = 0
@@ -88,10 +86,7 @@ class State(Displayed):
     def _terms(self) -> tuple[Array, Array, Array]:
         with self._pool.lock:
             data = self._data()
-            found = data.M.copy("F"), data.nle.copy(), data.com[0].copy()
-        for array in found:
-            array.flags.writeable = False
-        return found
+            return locked(data.M.copy("F")), locked(data.nle.copy()), locked(data.com[0].copy())
 
     @property
     def M(self) -> Array:
@@ -263,10 +258,7 @@ class State(Displayed):
             data = self._data()
             # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the mass.
             rate_bias = np.array(pin.computeCentroidalMomentumTimeVariation(self.robot.model, data).vector)
-            found = data.Ag.copy(), rate_bias, data.mass[0]
-        for array in found[:2]:
-            array.flags.writeable = False
-        return found
+            return locked(data.Ag.copy()), locked(rate_bias), data.mass[0]
 
 
 def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
@@ -282,9 +274,7 @@ def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
 
 def _of_arrays(robot: CheckedModel, q: Array, v: Array) -> State:
     """The state that keeps these arrays, which are in order."""
-    q.setflags(write=False)
-    v.setflags(write=False)
-    return filled(State, robot=robot, q=q, v=v)
+    return filled(State, robot=robot, q=locked(q), v=locked(v))
 
 
 def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:

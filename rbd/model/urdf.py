@@ -230,10 +230,8 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> UrdfJoint:
         direction = wrong.numbers(f"the axis of {what}", axis, "xyz", count=3)
         length = sum(x * x for x in direction) ** 0.5
         if not 1e-6 <= length <= 1e6:
-            if length == 0.0:
-                wrong.add(f"{what} is {kind}, and its axis is zero.")
-            else:
-                wrong.add(f"{what} is {kind}, and its axis is {length:g} long; expected a unit vector.")
+            told = f"{length:g} long; expected a unit vector" if length else "zero"
+            wrong.add(f"{what} is {kind}, and its axis is {told}.")
         parts.append(f"<axis xyz='{_joined(direction)}'/>")
     if kind in ("revolute", "prismatic", "continuous", "planar"):
         parts.append(_limit(wrong, what, kind, limits))
@@ -354,15 +352,10 @@ def _on_circle(link: str, above: dict[str, str]) -> str:
 
 
 def _check_mimics(wrong: Complaints, joints: dict[str, UrdfJoint], *, known: bool) -> None:
-    for joint in joints.values():
-        if joint.mimics is None:
-            continue
-        if joint.mimics not in joints:
-            if known:
-                continue
+    for joint in [each for each in joints.values() if each.mimics is not None]:
+        if joint.mimics not in joints and not known:
             told = f"mimics {joint.mimics!r:.120}, which is no joint" if joint.mimics else "mimics nothing"
             wrong.add(f"joint {joint.name!r} {told}; {nearest(joint.mimics, joints)}.")
-            continue
         seen, other = {joint.name}, joint
         while other.mimics in joints:
             other = joints[other.mimics]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag, check_number, check_whole
+from rbd.arrays import Array, as_array, as_float, check_flag, check_number, check_whole, locked
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -101,9 +101,7 @@ class Motion(Displayed):
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
-            own = getattr(self, name).view()  # whoever gave an array may go on to write to it
-            own.flags.writeable = False
-            object.__setattr__(self, name, own)
+            object.__setattr__(self, name, locked(getattr(self, name).view()))  # whoever gave an array may go on to write to it
 
     @classmethod
     def of_arrays(

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_whole, is_finite
+from rbd.arrays import Array, as_array, as_float, check_whole, is_finite, locked
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -95,9 +95,7 @@ class MinimumJerk(Displayed):
             raise InputError(
                 f"duration is {duration:g} s for a motion of {_size(step):.3g}: its jerk is too large to be a number."
             )
-        for array in (start, stop, step):
-            array.flags.writeable = False
-        self.__dict__.update(start=start, stop=stop, duration=duration, _step=step)
+        self.__dict__.update(start=locked(start), stop=locked(stop), duration=duration, _step=locked(step))
 
     def displacement(self, t: float | Sequence[float] | Array) -> Array:
         """Position at times t, shape `(*t.shape, *start.shape)`; exactly `start` before it and `stop` after."""

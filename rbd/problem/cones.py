@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_finite, as_float, block_diagonal
+from rbd.arrays import Array, as_array, as_finite, as_float, block_diagonal, locked
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind, listed_items
@@ -348,9 +348,8 @@ class Bounds(Cone):
         lo, hi = np.atleast_1d(as_array("lo of a Box", self.lo)), np.atleast_1d(as_array("hi of a Box", self.hi))
         if lo.shape != hi.shape or lo.ndim != 1 or not ((lo <= hi) & (lo < np.inf) & (hi > -np.inf)).all():
             raise InputError(f"Box wants lo <= hi of one length, got lo = {self.lo!r:.80}, hi = {self.hi!r:.80}.")
-        lo.flags.writeable = hi.flags.writeable = False  # rays and parts are cached for the life of the set
-        object.__setattr__(self, "lo", lo)
-        object.__setattr__(self, "hi", hi)
+        object.__setattr__(self, "lo", locked(lo))  # rays and parts are cached for the life of the set
+        object.__setattr__(self, "hi", locked(hi))
 
     @property
     def dim(self) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy
+from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy, locked
 from rbd.errors import InputError, NoSolution
 from rbd.problem.cones import HALF_LINE, Cone, FrictionCone, Part, check_friction, checked_generators, pushed_out, pyramid
 from rbd.problem.programs import nonnegative
@@ -99,8 +99,7 @@ class WrenchCone(_AtCorners):
         corners = as_array("corners of a WrenchCone", self.corners)
         if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
             raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
-        corners.flags.writeable = False  # rays and parts are cached for the life of the set
-        object.__setattr__(self, "corners", corners)
+        object.__setattr__(self, "corners", locked(corners))  # rays and parts are cached for the life of the set
 
     @lazy
     def corner_map(self) -> Array:

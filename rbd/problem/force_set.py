@@ -19,7 +19,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal, lazy
+from rbd.arrays import Array, block_diagonal, lazy, locked
 from rbd.errors import InputError
 from rbd.problem.cones import HALF_LINE, Cone, Part, checked_generators, nearest_weights, project_cones, pyramid
 from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding
@@ -426,9 +426,3 @@ def column_slices(elements: Sequence[Element], count: int) -> tuple[slice, ...]:
     for e in elements:
         widths[e.rows] += e.size
     return tuple([slice(i, j) for i, j in pairwise(accumulate(widths, initial=0))])
-
-
-def locked(array: Array) -> Array:
-    """The array itself, read-only."""
-    array.flags.writeable = False  # cached for the next problem
-    return array

@@ -12,7 +12,7 @@ from typing import Any
 
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, locked
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
@@ -78,9 +78,7 @@ class Robot(ShapedRobot):
         self.leave_out = frozenset(leave_out)
         self.report: ModelReport | None = None
         found = read_postures(self, source, mechanism) if postures is None else {name: q.copy() for name, q in postures.items()}
-        for q in found.values():
-            q.flags.writeable = False
-        self.postures = MappingProxyType(found)
+        self.postures = MappingProxyType({name: locked(q) for name, q in found.items()})
         self.mechanism = mechanism
         self._loops: tuple[Constraint, ...] = mechanism.loops(self)
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)

@@ -27,7 +27,7 @@ from rbd.answers.many.many_answers import (
 )
 from rbd.answers.many.states import ManyStates
 from rbd.answers.prepared.constraint_dynamics import Plan
-from rbd.arrays import Array, zeros
+from rbd.arrays import Array, locked, zeros
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.problem.answer import ACCELERATION, StateStatus, Status
@@ -131,9 +131,7 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     if not choice.holds:
         sheet.column("warned", SPEED)[:] = states.robot.too_fast(states.v).any(axis=1) & (sheet.status != StateStatus.BAD_INPUT)
-    for array in (tau, margin, least):
-        array.flags.writeable = False
-    out = Actuations(**sheet.fields(), tau=tau, margin=margin, least=least, choice=choice)
+    out = Actuations(**sheet.fields(), tau=locked(tau), margin=locked(margin), least=locked(least), choice=choice)
     warn(out, stacklevel=stacklevel + 1)
     return out
 

@@ -271,9 +271,7 @@ def _check_ranges(wrong: Complaints, spec: Any) -> None:
 
 def _springs(wrong: Complaints, spec: Any, leave_out: Collection[str]) -> Iterator[Remark]:
     """Springs that MuJoCo sizes by the inertia, which its compiled model does not tell from others; they are taken out."""
-    for joint in spec.joints:
-        if not np.any(joint.springdamper):
-            continue
+    for joint in [each for each in spec.joints if np.any(each.springdamper)]:
         told = "a springdamper: MuJoCo finds its stiffness and damping from the inertia, and they are in no term here"
         _must_be_named(wrong, leave_out, "springs", f"joint {joint.name!r:.80} has {told}")
         joint.springdamper = np.zeros(2)
@@ -439,32 +437,25 @@ def _names(wrong: Complaints, mujoco: Any, model: Any, kind: str, n: int, bodies
             wrong.stop(f"{what} {name[:40]!r}... has a name of {len(name)} letters; expected {LONGEST_NAME} at most.")
         if name == "universe" or name == WORLD and i:
             wrong.stop(f"{what} {name!r} has the name of the world. Rename it.")
-        if name:
-            continue
-        if not bodies:
+        if not name and not bodies:
             out[i] = next(made for k in range(n + 1) if (made := f"body_{i}{'_' * k}") not in given)
-            continue
-        body = int(model.jnt_bodyid[i])
-        free = model.jnt_type[i] == FREE
-        out[i] = f"{bodies[body]}_free" if free else f"{bodies[body]}Joint_{i - int(model.body_jntadr[body])}"
-        if out[i] in given:
-            wrong.stop(f"two joints are called {out[i]!r:.80}, one of them by its body; name them.")
+        elif not name:
+            body = int(model.jnt_bodyid[i])
+            number_on = "_free" if model.jnt_type[i] == FREE else f"Joint_{i - int(model.body_jntadr[body])}"
+            out[i] = f"{bodies[body]}{number_on}"
+            if out[i] in given:
+                wrong.stop(f"two joints are called {out[i]!r:.80}, one of them by its body; name them.")
     return tuple(out)
 
 
 def _keys(wrong: Complaints, spec: Any, model: Any, joints: tuple[str, ...]) -> dict[str, Array]:
     """{name: qpos} of the keyframes that give a posture."""
-    found: dict[str, Array] = {}
-    for i, key in enumerate(spec.keys):
-        q = np.array(list(key.qpos))
-        if not len(q):
-            continue
-        name = key.name or f"key_{i}"
+    found = {key.name or f"key_{i}": np.array(list(key.qpos)) for i, key in enumerate(spec.keys) if len(key.qpos)}
+    for name, q in found.items():
         for joint, kind, at in zip(joints, model.jnt_type, model.jnt_qposadr, strict=True):
             at += 3 if kind == FREE else 0
             if kind in (FREE, BALL) and not np.linalg.norm(q[at : at + 4]) > 1e-10:
                 wrong.stop(f"<key> {name!r:.80} has a zero quaternion for joint {joint!r:.80}.")
-        found[name] = q
     return found
 
 
