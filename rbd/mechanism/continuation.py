@@ -162,11 +162,8 @@ class PoseCurve:
 
     def stop(self, p: Point) -> tuple[float, str]:
         """(least distance to a limit, negative beyond it; its constraint), over the unilateral constraints."""
-        least, whose = 1.0, ""
-        for r in p.at.rows:
-            if r.cone.one_sided and r.error is not None and len(r.error) and r.error.min() < least:
-                least, whose = float(r.error.min()), r.name
-        return least, whose
+        sided = [(r.error, r.name) for r in p.at.rows if r.cone.one_sided and r.error is not None and len(r.error)]
+        return min([(1.0, ""), *((float(error.min()), name) for error, name in sided)], key=lambda each: each[0])
 
     def _follows(self, p: Point, end: Point) -> bool:
         d = self.closure.way(p.q, end.q)

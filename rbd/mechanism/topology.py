@@ -125,8 +125,7 @@ class MechanismClass(Displayed):
         elif self.mobility == self.degrees_of_freedom:
             lines.append(f"Mobility {self.mobility}: no constraint removes any.")
         else:
-            taken = self.degrees_of_freedom - self.mobility
-            lines.append(f"Mobility {self.mobility}: constraints remove {taken}.")
+            lines.append(f"Mobility {self.mobility}: constraints remove {self.degrees_of_freedom - self.mobility}.")
         return "\n".join([*lines, *(str(end)[0].upper() + str(end)[1:] + "." for end in self.end_points)])
 
 

@@ -99,6 +99,12 @@ _CIRCLE = [("cos", PURE), ("sin", PURE)]
 _PLACE = [("x", LENGTH), ("y", LENGTH), ("z", LENGTH)]
 
 _Labels = Sequence[tuple[str, str]]
+_WHOLE: dict[str, tuple[_Labels, _Labels]] = {
+    "JointModelFreeFlyer": (_PLACE + _TURN, _BODY_V),
+    "JointModelSpherical": (_TURN, _BODY_V[3:]),
+    "JointModelTranslation": (_PLACE, _BODY_V[:3]),
+}
+"""{kind of joint: (label, unit) of its entries in q and in v}, of those whose entries always have the same."""
 
 
 @dataclass(frozen=True)
@@ -322,15 +328,11 @@ def _labels(joint: pin.JointModel, plane: Plane | None = None) -> tuple[_Labels,
             [(f"{k}.{label}" if label else f"{k}", unit) for k, part in enumerate(parts) for label, unit in part[i]]
             for i in (0, 1)
         )  # type: ignore[return-value]  # of two
-    if kind == "JointModelFreeFlyer":
-        return _PLACE + _TURN, _BODY_V
-    if kind == "JointModelSpherical":
-        return _TURN, _BODY_V[3:]
+    if kind in _WHOLE:
+        return _WHOLE[kind]
     if kind == "JointModelPlanar":
         along, turn = plane or "xy", TURN_RATES[plane or "xy"]
         return [(x, LENGTH) for x in along] + _CIRCLE, [(f"v{x}", LENGTH) for x in along] + [(turn, ANGLE)]
-    if kind == "JointModelTranslation":
-        return _PLACE, _BODY_V[:3]
     if joint.nq == 2 and joint.nv == 1:
         return _CIRCLE, [("", ANGLE)]
     unit = LENGTH if kind.startswith("JointModelP") and joint.nv == 1 else ANGLE

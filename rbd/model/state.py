@@ -213,8 +213,7 @@ class State(Displayed):
             InputError: if the offset is not three finite numbers.
         """
         X_FP = pin.SE3(np.eye(3), as_vector3("offset", offset))
-        X_WF, J, v, bias = self.moving(name, X_FP, pin.LOCAL_WORLD_ALIGNED)
-        return FrameKinematics(X_WF, J, v, bias)
+        return FrameKinematics(*self.moving(name, X_FP, pin.LOCAL_WORLD_ALIGNED))
 
     def base_pose(self, joint: int = 1) -> pin.SE3:
         """X_WB of a joint's body, of `robot.bases`; by default of the first. That of a planar base is its link's."""

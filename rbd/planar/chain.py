@@ -238,11 +238,9 @@ class Chain(Displayed):
         Turned, of ell_k (-sin, cos)(psi_k), its derivative by psi_k.
         """
         unit, names = unit_rate(order, turned)
-        out = []
-        for length, psi in zip(self.lengths, self.segment_angles, strict=True):
-            rates = [psi.diff(self.t, k) if k else psi for k in range(order + 1)]
-            out.append(length * unit.xreplace(dict(zip(names, rates, strict=False))))
-        return out
+        rates = [[psi.diff(self.t, k) if k else psi for k in range(order + 1)] for psi in self.segment_angles]
+        known = [dict(zip(names, each, strict=False)) for each in rates]
+        return [length * unit.xreplace(each) for length, each in zip(self.lengths, known, strict=True)]
 
     def _motion(self, i: int | None, order: int) -> Symbols:
         """Position of joint i (order 0), velocity (1), acceleration (2) or jerk (3), shape (2, 1) [m, m/s, ...]."""

@@ -163,6 +163,5 @@ def _end_rank(chain: ConstrainedChain) -> int:
     found = []
     for known, s in at[:8]:
         values = {p: known.get(p, float(rng.uniform(0.8, 1.2))) for p in symbols}
-        singular = np.linalg.svd(chain.function(J, parameters=values)(s).reshape(J.shape), compute_uv=False)
-        found.append(singular)
+        found.append(np.linalg.svd(chain.function(J, parameters=values)(s).reshape(J.shape), compute_uv=False))
     return int(np.max(np.sum(np.array(found) > 1e-7 * np.max(found), axis=1)))

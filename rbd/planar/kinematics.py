@@ -143,8 +143,7 @@ def jacobian(f: Any, x: Any) -> Symbols:
     variables = _variables(x)
     if isinstance(f, sympy.Lambda) or (callable(f) and not isinstance(f, sympy.Expr)):
         f = _called(f, variables)
-    rows = _expressions(f)
-    return sympy.ImmutableMatrix([[row.diff(variable) for variable in variables] for row in rows])
+    return sympy.ImmutableMatrix([[row.diff(variable) for variable in variables] for row in _expressions(f)])
 
 
 def _variables(x: Any) -> list[sympy.Expr]:

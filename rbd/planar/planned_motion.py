@@ -105,8 +105,7 @@ class PlanarMotion(Displayed):
         The area of the end point's velocity ellipse over pi; zero where the chain is in line. Of one link sqrt(det(J^T J)), its
         length [m].
         """
-        s = np.linalg.svd(self.chain.numeric.jacobian(self.q), compute_uv=False)
-        return s.prod(axis=1)
+        return np.linalg.svd(self.chain.numeric.jacobian(self.q), compute_uv=False).prod(axis=1)
 
 
 def endpoint_motion(
@@ -284,8 +283,7 @@ def _integrated(
 
 def _bent(arm: ChainNumbers, q: Array) -> Array:
     """Whether the chain is out of line at each sample, shape (samples,)."""
-    psi = arm.to_segment(q)
-    return np.abs(np.sin(np.diff(psi, axis=1))).max(axis=1) > IN_LINE
+    return np.abs(np.sin(np.diff(arm.to_segment(q), axis=1))).max(axis=1) > IN_LINE
 
 
 def _inside(arm: ChainNumbers, points: Array) -> Array:

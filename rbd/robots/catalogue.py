@@ -314,11 +314,8 @@ def _files() -> list[str]:
 
 
 def _sole(name: str, data: Mapping[str, Any]) -> Foot:
-    if "half_lengths" in data:
-        x, y = data["half_lengths"]
-        corners: tuple[tuple[float, float], ...] = ((x, y), (-x, y), (-x, -y), (x, -y))
-    else:
-        corners = tuple((x, y) for x, y in data["corners"])
+    X, Y = data.get("half_lengths", (0.0, 0.0))
+    corners = tuple((x, y) for x, y in data.get("corners", ((X, Y), (-X, Y), (-X, -Y), (X, -Y))))
     return Foot(name, data["frame"], "sole", tuple(data["centre"]), tuple(data.get("rpy", (0.0, 0.0, 0.0))), corners)
 
 

@@ -18,7 +18,7 @@ from rbd.model.files import RobotFile
 from rbd.model.joints import AT_LIMIT
 from rbd.model.mjcf import Mjcf
 from rbd.model.state import State
-from rbd.model.urdf import grouped
+from rbd.model.urdf import Complaints, grouped
 from rbd.robots.rotors import rotors_of
 
 SINGULAR = 1e-9
@@ -193,10 +193,7 @@ def refuse(report: ModelReport, file: str) -> None:
     Raises:
         ModelError: naming the joint or the link.
     """
-    if report.errors:
-        first, *others = report.errors
-        more = f" ({len(others)} more of this file.)" if others else ""
-        raise ModelError(f"{file}: {first.text}{more}")
+    Complaints(file, [issue.text for issue in report.errors]).refuse()
 
 
 def _bad_numbers(robot: CheckedModel) -> Iterator[ModelIssue]:
@@ -283,8 +280,7 @@ class BodyFaults:
             model = file.content.model
             return cls("body", list(file.content.bodies[1:]), model.body_mass[1:], np.sort(model.body_inertia[1:], axis=1))
         links = list(file.content.links.values())
-        tensors = np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3)
-        moments = np.linalg.eigvalsh(tensors)
+        moments = np.linalg.eigvalsh(np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3))
         return cls("link", [link.name for link in links], np.array([link.mass for link in links]), moments)
 
     @property

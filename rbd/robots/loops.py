@@ -16,6 +16,7 @@ from rbd.constraints.loop import LoopClosure
 from rbd.errors import ModelError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.mjcf.loops_and_motors import WORLD, Equality
+from rbd.model.mjcf.pinocchio_model import pose
 from rbd.robots import catalogue
 from rbd.robots.loop_file import LoopFile, NamedFrame, beside, read_loop_file
 from rbd.robots.number_checks import in_file
@@ -136,7 +137,9 @@ def _read(model: pin.Model, file: str, equality: Equality) -> Constraint:
         X_anchor = pin.SE3(np.eye(3), np.array(equality.anchor))
         X_one, X_other = (X_anchor, X_12.inverse() * X_anchor) if equality.kind == "connect" else (X_12 * X_anchor, X_anchor)
         if equality.pose is not None:
-            X_one = _pose(equality.pose)  # position of the anchor in the first body, not the second body's origin
+            quaternion = np.array(equality.pose[3:])  # w, x, y, z of any length
+            # Position of the anchor in the first body, not the second body's origin.
+            X_one = pose(np.array(equality.pose[:3]), quaternion / np.linalg.norm(quaternion))
     names = f"{equality.name}_a", f"{equality.name}_b"
     for name, frame, placement in zip(names, (one, other), (X_one, X_other), strict=True):
         if model.existFrame(name):
@@ -175,12 +178,6 @@ def _pose_between(model: pin.Model, one: int, other: int, q: Array) -> pin.SE3:
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     return data.oMf[one].actInv(data.oMf[other])
-
-
-def _pose(numbers: tuple[float, ...]) -> pin.SE3:
-    """A pose from MuJoCo's seven numbers: position, quaternion w, x, y, z of any length."""
-    w, x, y, z = np.array(numbers[3:]) / np.linalg.norm(numbers[3:])
-    return pin.XYZQUATToSE3(np.array([*numbers[:3], x, y, z, w]))
 
 
 def _add_named(model: pin.Model, file: str, named: NamedFrame) -> None:

@@ -66,8 +66,7 @@ def four_bar(
     a, b, c, d = lengths("the four-bar", a=a, b=b, c=c, d=d)
     if missing := too_long(a=a, b=b, c=c, d=d):
         raise InputError(missing)
-    sizes = {"crank": a, "coupler": b, "rocker": c}
-    kg = bar_masses("the four-bar", sizes, masses, mass_per_length)
+    kg = bar_masses("the four-bar", {"crank": a, "coupler": b, "rocker": c}, masses, mass_per_length)
     th2 = _four_bar_angle(a, b, c, d) if crank_angle is None else checked_number("crank_angle [rad]", crank_angle, most=1e6)
     postures = {}
     for name, side in (("assembled", 1.0), ("crossed", -1.0)):
@@ -191,8 +190,7 @@ def slider_crank(
             f"a crank of {crank:g} and a rod of {rod:g} m cannot close: the slider's line is {abs(height):g} m away, "
             f"{abs(height) - crank - rod:.6g} m more than both together."
         )
-    sizes = {"crank": crank, "rod": rod, "slider": crank}
-    kg = bar_masses("the slider-crank", sizes, masses, mass_per_length)
+    kg = bar_masses("the slider-crank", {"crank": crank, "rod": rod, "slider": crank}, masses, mass_per_length)
     default = _slider_crank_angle(crank, rod, height)
     th = default if crank_angle is None else checked_number("crank_angle [rad]", crank_angle, most=1e6)
     x, z = crank * math.cos(th), crank * math.sin(th)

@@ -74,10 +74,6 @@ class Finished:
     warned: WarningCounts
 
 
-def _nothing() -> None:
-    pass
-
-
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """What is computed for each sample, and what is kept of it; it is sent to the workers once.
@@ -95,7 +91,7 @@ class Evaluation:
     seed: int = 0
     batched: bool = False
 
-    def run(self, start: int, columns: Columns, *, check: Callable[[], None] = _nothing) -> Finished:
+    def run(self, start: int, columns: Columns, *, check: Callable[[], None] = lambda: None) -> Finished:
         """Results of consecutive samples; an exception of the function is a row without a result, with its reason.
 
         A batch that raises is computed again sample by sample, with arrays of length one, so that only samples that raise

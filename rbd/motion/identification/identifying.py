@@ -61,14 +61,10 @@ class IdentificationSetup:
         inertia = "inertia" in columns
         bodies = np.flatnonzero(theta[:, 0] > 0.0) if inertia else np.zeros(0, int)
         wide = np.tile(BROAD * data.scale[driven], len(columns) - inertia)
-        sizes = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])
+        of_bodies = [size_of(each) if each[0] > 0.0 else np.zeros(10) for each in (theta if inertia else ())]
+        sizes = np.concatenate([*of_bodies, wide])
         prior = Prior(parameter_values(robot, columns, theta), bodies, wide, 1.0 / (4.0 * spread**2))
         return cls(base, data, prior, np.linalg.norm(base.B * sizes, axis=1))
-
-
-def _sizes(theta: Array) -> Array:
-    """Typical sizes of all bodies' parameters, shape (bodies, 10); zero of bodies without mass."""
-    return np.array([size_of(each) if each[0] > 0.0 else np.zeros(10) for each in theta])
 
 
 def _possible(robot: CheckedModel, theta: Array) -> Array:
@@ -213,25 +209,20 @@ def _refuse_other_torques(posed: IdentificationSetup, equations: Equations) -> N
     Masses follow them: without torques the least squares are those of a robot without mass.
     """
     motions, base = posed.data.motions, posed.base
-    if not any(x.tau is not None and x.tau.size for x in motions):
-        return
     needed = equations.R @ (base.B @ posed.prior.theta)
     size = float(needed @ needed)
-    if not size > UNUSED**2 * equations.count:
-        return
-    factor = float(needed @ equations.z) / size
-    if 1.0 / FAR < factor < FAR:
-        return
-    if all(not np.any(x.tau) for x in motions):
-        why = "all torques are zero. Were they measured?"
-    elif factor < -1.0 / FAR:
-        why = "they have the other sign. Expected the torques on the joints, positive along the joint's velocity."
-    else:
-        why = "they are in another unit (N mm?), of another robot, or not of this motion. Expected N m, or N."
-    raise InputError(
-        f"the torques are {factor:.3g} times those that the model of {motions[0].robot.name} needs for these motions, and so "
-        f"would the masses be: {why}"
-    )
+    factor = float(needed @ equations.z) / size if size > UNUSED**2 * equations.count else 1.0
+    if any(x.tau is not None and x.tau.size for x in motions) and not 1.0 / FAR < factor < FAR:
+        if all(not np.any(x.tau) for x in motions):
+            why = "all torques are zero. Were they measured?"
+        elif factor < -1.0 / FAR:
+            why = "they have the other sign. Expected the torques on the joints, positive along the joint's velocity."
+        else:
+            why = "they are in another unit (N mm?), of another robot, or not of this motion. Expected N m, or N."
+        raise InputError(
+            f"the torques are {factor:.3g} times those that the model of {motions[0].robot.name} needs for these motions, and "
+            f"so would the masses be: {why}"
+        )
 
 
 def _warn_dead_motors(given: tuple[MeasuredMotion, ...]) -> None:
@@ -263,8 +254,7 @@ def _warn_dead_motors(given: tuple[MeasuredMotion, ...]) -> None:
 def _weighed(data: StackedMotions, equations: Equations, unit: Array) -> Equations:
     """The equations weighted by the deviation of each coordinate, which their residuals give."""
     for _ in range(_ROUNDS):
-        beta = _least_squares(equations, unit)
-        rms, share = data.residuals(beta)
+        rms, share = data.residuals(_least_squares(equations, unit))
         lost = equations.count / max(1, equations.count - data.base.rank)
         told = share > 1e-9
         of_all = float(np.sqrt(((rms / data.scale) ** 2 * share).sum() / share.sum()))
@@ -301,10 +291,10 @@ def _warn(result: Identification, spread: float) -> None:
     open_, r = result.open_base(spread), result.base.rank
     if result.certificate.rank == r and len(open_) < MANY * r:
         return
-    told = []
-    for i in open_[:4]:
-        known = f"to {result.relative_deviations[i]:.2g} of its size" if result.untold[i] < 0.5 else "not at all"
-        told.append(f"{result.base.labels[i]} ({known})")
+    known = [
+        f"to {result.relative_deviations[i]:.2g} of its size" if result.untold[i] < 0.5 else "not at all" for i in open_[:4]
+    ]
+    told = [f"{result.base.labels[i]} ({how})" for i, how in zip(open_, known, strict=False)]
     warnings.warn(
         f"poor excitation: the data tell {result.certificate.rank} of {r} combinations of the base parameters. Known no better "
         f"than the model is believed (prior = {spread:g}) are {len(open_)} parameters: {', '.join(told)}"

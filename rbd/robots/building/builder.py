@@ -259,8 +259,8 @@ class RobotBuilder(Displayed):
         Raises:
             InputError: a name that is taken, numbers that are wrong.
         """
-        entry = self._entry("couplings", f"coupling {name!r:.80}", name, joint=joint, to=to, ratio=ratio, offset=offset)
-        self._lists["couplings"].append(entry)
+        keys = {"joint": joint, "to": to, "ratio": ratio, "offset": offset}
+        self._lists["couplings"].append(self._entry("couplings", f"coupling {name!r:.80}", name, **keys))
 
     def wheel(
         self,
