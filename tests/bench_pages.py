@@ -22,8 +22,10 @@ FEW = (
     "rbd.solve, held",
     "rbd.solve, frictional, sticking",
     "rbd.solve, slipping, Coulomb's law",
+    "rbd.solve, sliding at 0.3 m/s",
     "rbd.solve_many, 10,000 states, a state: frictional, sticking",
-    "a step of rbd.simulate of 1 ms on frictional feet",
+    "rbd.control.step, a walking robot's tasks, both soles",
+    "rbd.simulate by default at rest, torques from Python, a step of 1 ms",
     "a minute of motion at 30 Hz read, checked, reported",
 )
 """Rows of the README, by what they measure."""

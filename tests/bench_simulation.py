@@ -304,8 +304,8 @@ def step_rows() -> list[Row]:
     rows = [
         Row(what, {name: times[DEFAULT] / times[THEIRS]}, "x mj_step", MARKS[name]) for name, (_, times) in robots().items()
     ]
-    rest = f"the same at rest, constant torques from Python, every step recorded, of {1e3 * STEP:g} ms"
-    slides = f"the same sliding at {SLIDES:g} m/s, friction {SLIPPERY:g}"
+    rest = f"{DEFAULT} by default at rest, torques from Python, a step of {1e3 * STEP:g} ms"
+    slides = f"the same on feet that slide at {SLIDES:g} m/s, friction {SLIPPERY:g}"
     for name, (bench, _) in robots().items():
         rows.append(Row(rest, {name: bench.by_user()}, "x mj_step", REST_MARKS[name]))
         rows.append(Row(slides, {name: bench.by_user(SLIDES, SLIPPERY)}, "x mj_step", SLIDE_MARKS[name]))
