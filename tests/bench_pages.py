@@ -63,7 +63,7 @@ def _measured_with() -> str:
 
 def readme(page: Path, found: dict[str, list[Row]]) -> str:
     """Put a few rows of a run into the README."""
-    few = [row for name in ASKED for row in found.get(name, ()) if row.what in FEW]
+    few = [row for name in ASKED for row in found.get(name, ()) if row.what in FEW and row.unit != "us"]
     return put(page, "speed", "\n".join(_rows(few, marks=False)))
 
 
