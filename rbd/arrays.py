@@ -282,7 +282,7 @@ def rows_from(parts: Sequence[tuple[Array, Array]], size: int) -> Array:
 
 
 def inertia_factor(M: Array, *, strict: bool = False) -> Array:
-    """Lower Cholesky factor L of M = L L^T (the upper triangle is undefined), shape (nv, nv).
+    """Lower Cholesky factor L of M = L L^T, shape (nv, nv).
 
     Args:
         M: Joint-space inertia, symmetric.
@@ -291,7 +291,7 @@ def inertia_factor(M: Array, *, strict: bool = False) -> Array:
     Raises:
         SingularInertia: M is not positive definite.
     """
-    L, info = lapack.dpotrf(M, lower=1, clean=0)
+    L, info = lapack.dpotrf(M, lower=1, clean=1)
     if info != 0:
         raise SingularInertia(
             f"M({len(M)} x {len(M)}) is not positive definite (leading minor {abs(info)}); "

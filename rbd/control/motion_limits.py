@@ -15,7 +15,9 @@ comes back with at most A.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +30,34 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
 _LEAST, _MOST = 1e-6, 1e6
-_PLANNED = 0.75
-"""Share of A with which braking is planned."""
-_RETURN = 0.5
-"""A joint beyond its limit comes back by this share of what it is beyond in each time d."""
+
+
+@cache
+def step_kernel() -> ModuleType:
+    """`rbd.control.step_kernel`, imported where it is used."""
+    from rbd.control import step_kernel
+
+    return step_kernel
+
+
+class LimitedJoints(NamedTuple):
+    """The joints of a robot with limits, of one degree of freedom.
+
+    Attributes:
+        names: Their names.
+        q: Indices in q.
+        at: Indices in v.
+        lowest: Lowest positions, or -inf.
+        highest: Highest positions, or inf.
+        fastest: Speeds, or inf.
+    """
+
+    names: tuple[str, ...]
+    q: Array
+    at: Array
+    lowest: Array
+    highest: Array
+    fastest: Array
 
 
 @dataclass(frozen=True)
@@ -90,97 +116,42 @@ class Limits(Displayed):
         least, most = robot.limits_at(state.v)
         return self.torque * least, self.torque * most
 
+    def joints(self, robot: CheckedModel) -> LimitedJoints:
+        """Joints of a robot whose positions or velocities are limited."""
+        key = LimitedJoints, bool(self.position), bool(self.velocity)
+        found: LimitedJoints | None = robot.kept.get(key)
+        if found is None:
+            inf = math.inf
+            each = {
+                name: j
+                for name, j in robot.joints.items()
+                if self.position and min(-j.lower, j.upper) < inf or self.velocity and j.speed < inf
+            }
+            numbers = [(j.q.start, j.v.start) for j in each.values()]
+            bounds = np.array([(j.lower, j.upper, j.speed) for j in each.values()]).reshape(-1, 3)
+            found = robot.kept[key] = LimitedJoints(
+                tuple(each), *np.array(numbers, int).reshape(-1, 2).T.copy(), *bounds.T.copy()
+            )
+        return found
+
     def accelerations(self, state: State) -> tuple[Array, Array]:
         """(least, most) accelerations of all coordinates, shapes (nv,) [rad/s2, m/s2]; infinite where there is no limit."""
-        least, most = np.full(checked(state).robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
-        joints = _limited(state.robot)
-        v = state.v[joints.at]
-        if not len(v):
-            return least, most
-        both = np.full((2, len(v)), np.inf)  # upper, and minus lower bounds
-        if self.position:
-            both = self._of_positions(state.q[joints.q], v, joints)
-        if self.velocity:
-            both = np.minimum(both, self._of_velocities(v, joints))
-        upper, lower = both[0], -both[1]
-        if (lower > upper).any():  # the room between two limits is too small for both
-            middle = 0.5 * (lower + upper)
-            lower, upper = np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper)
-        least[joints.at], most[joints.at] = lower, upper
+        robot = checked(state).robot
+        joints = self.joints(robot)
+        least, most = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
+        step_kernel().acceleration_bounds(
+            state.q, state.v, *joints[1:], float(self.braking), float(self.horizon), float(self.margin), bool(self.position),
+            bool(self.velocity), least, most,
+        )  # fmt: skip
         return least, most
-
-    def _of_positions(self, q: Array, v: Array, joints: _LimitedJoints) -> Array:
-        """Upper and minus lower bounds of accelerations, shape (2, n)."""
-        room = np.array([joints.highest - q, q - joints.lowest]) - self.margin
-        return _towards(room, np.array([v, -v]), self.braking, self.horizon)
-
-    def _of_velocities(self, v: Array, joints: _LimitedJoints) -> Array:
-        """The same of speeds."""
-        return np.maximum((joints.fastest - np.array([v, -v])) / self.horizon, -self.braking)
 
 
 def joints_at_bounds(limits: Limits, state: State, a: Array, within: float) -> dict[str, tuple[str, ...]]:
     """{"position", "velocity": joints whose acceleration is at the bound of that limit}; those without any left out."""
-    joints, out = _limited(state.robot), dict[str, tuple[str, ...]]()
-    v = state.v[joints.at]
-    bounds = {
-        "position": limits._of_positions(state.q[joints.q], v, joints) if limits.position else None,
-        "velocity": limits._of_velocities(v, joints) if limits.velocity else None,
-    }
-    toward = np.array([a[joints.at], -a[joints.at]])
-    for kind, most in bounds.items():
-        if most is None:
-            continue
-        held = np.flatnonzero((toward >= most - within).any(axis=0))
-        if len(held):
-            out[kind] = tuple(joints.names[i] for i in held)
-    return out
-
-
-class _LimitedJoints(NamedTuple):
-    """The joints of a robot with limits, of one degree of freedom.
-
-    Attributes:
-        names: Their names.
-        q: Indices in q.
-        at: Indices in v.
-        lowest: Lowest positions, or -inf.
-        highest: Highest positions, or inf.
-        fastest: Speeds, or inf.
-    """
-
-    names: tuple[str, ...]
-    q: Array
-    at: Array
-    lowest: Array
-    highest: Array
-    fastest: Array
-
-
-def _limited(robot: CheckedModel) -> _LimitedJoints:
-    found: _LimitedJoints | None = robot.kept.get(_LimitedJoints)
-    if found is None:
-        joints = {name: j for name, j in robot.joints.items() if min(-j.lower, j.upper, j.speed) < math.inf}
-        each = list(joints.values())
-        found = robot.kept[_LimitedJoints] = _LimitedJoints(
-            tuple(joints),
-            np.array([j.q.start for j in each], int),
-            np.array([j.v.start for j in each], int),
-            np.array([j.lower for j in each]),
-            np.array([j.upper for j in each]),
-            np.array([j.speed for j in each]),
-        )
-    return found
-
-
-def _towards(room: Array, v: Array, A: float, d: float) -> Array:
-    """The most acceleration towards limits that are at a distance `room`, of joints that approach them at v."""
-    P = _PLANNED * A
-    near, turns = P * d * d + 8.0 * room - 4.0 * d * v, 0.5 * d * v > room
-    if not turns.any():
-        return np.maximum((np.sqrt(P * near) - P * d - 2.0 * v) / (2.0 * d), -A)
-    most = (np.sqrt(P * np.maximum(near, 0.0)) - P * d - 2.0 * v) / (2.0 * d)
-    inside, beyond = turns & (room > 0.0), turns & (room <= 0.0)
-    most[inside] = v[inside] ** 2 / (-2.0 * room[inside])
-    most[beyond] = (_RETURN * room[beyond] / d - v[beyond]) / d
-    return np.maximum(most, -A)
+    out = dict[str, tuple[str, ...]]()
+    for kind, other in (("position", "velocity"), ("velocity", "position")):
+        alone = replace(limits, **{other: False})
+        (least, most), joints = alone.accelerations(state), alone.joints(state.robot)
+        held = ((a <= least + within) | (a >= most - within))[joints.at].tolist()
+        out[kind] = tuple([name for name, at in zip(joints.names, held, strict=True) if at])
+    return {kind: names for kind, names in out.items() if names}

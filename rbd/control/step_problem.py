@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, check_finite, is_finite, lazy, max_abs
+from rbd.arrays import Array, check_finite, filled, identity, is_finite, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint
-from rbd.control.motion_limits import Limits, joints_at_bounds
+from rbd.control.motion_limits import Limits, joints_at_bounds, step_kernel
 from rbd.control.step_program import Relaxed, StepProgram, relaxed
 from rbd.control.task_terms import Task, TaskTerms, checked_tasks
 from rbd.displayed import Displayed
@@ -216,7 +216,6 @@ class StepProblem:
         still: The equations of motion without acceleration, `need` = h - tau_ext; forces are rays of pyramids inside the
             friction cones.
         terms: Of the tasks.
-        stacked: (A, wanted) of all tasks of accelerations.
         program: In (w / unit, a).
         torques: Least and largest torques, shapes (nu,).
         limited: Joints' coordinates with a bound, shape (j,).
@@ -229,7 +228,6 @@ class StepProblem:
     feedback: Array
     still: ForceBalance
     terms: tuple[TaskTerms, ...]
-    stacked: tuple[Array, Array]
     program: StepProgram
     torques: tuple[Array, Array]
     limited: Array
@@ -258,50 +256,45 @@ class StepProblem:
         robot, nv = state.robot, state.robot.nv
         rows = contact_rows(state, contacts, stacklevel=None if stacklevel is None else stacklevel + 1)
         sets = _pyramids(at_rest(*[r.cone for r in rows]))
-        J, offset, feedback = np.zeros((0, nv)), _NONE, _NONE
-        if rows:
-            J = np.concatenate([r.J for r in rows])
-            feedback = np.concatenate([r.feedback if r.stabilised else damping * r.velocity for r in rows])
-            offset = np.concatenate([r.bias for r in rows]) + feedback
-            if not (is_finite(J) and is_finite(offset)):
-                _refuse(rows)
+        J = _stacked([r.J for r in rows], nv)
+        feedback = _joined([r.feedback if r.stabilised else damping * r.velocity for r in rows])
+        offset = _joined([r.bias for r in rows]) + feedback
+        if not (is_finite(J) and is_finite(offset)):
+            _refuse(rows)
         need = state.h if external is None else state.h - generalised(state, external)[0]
         balance = ForceBalance(state, rows, sets, need, (J, offset))
-        per_weight, unit = balance.per_weight, balance.unit
-        terms = tuple([_terms(task, state, t) for task in checked_tasks(tasks)])
-        A, wanted, cost = _stacked([each for each in terms if not each.contact], nv)
-        Aw = A.T * cost
-        H = Aw @ A
-        H.flat[:: nv + 1] += ACCELERATION_COST
+        terms, unit, p = tuple([_terms(task, state, t) for task in checked_tasks(tasks)]), balance.unit, sets.size
+        of_a = [each for each in terms if not each.contact]
         K, k = _force_cost(terms, rows, sets, unit)
-        M, idle, motors = state.M, robot.idle, robot.motors
-        still, torques = limits.torques(robot), limits.torque_bounds(state)
-        size = np.where(still < np.inf, still, unit)
-        lower, upper = sets.lower / unit, sets.upper / unit
-        least, most = limits.accelerations(state)
-        limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
+        torques, limited = limits.torque_bounds(state), limits.joints(robot).at
+        lower, upper = _weight_bounds(sets, unit, nv)
+        W_n, low_n, high_n = np.zeros((0, p)), _NONE, _NONE
         check_kind("normal_force", normal_force, Mapping | None, "{contact: (least, most)} [N]")
-        W_n, low_n, high_n = np.zeros((0, sets.size)), _NONE, _NONE
         if normal_force:
             asked, low_n, high_n = Effort(normal_force=normal_force).rows(balance)
             W_n, low_n, high_n, upper = _without_zeros(asked["forces"], low_n, high_n, lower, upper)
-        p, e, first = sets.size, len(need[idle]), robot.nu + len(low_n)
-        last, own, n = first + len(limited), need[motors] / size, p + nv
-        # Without `Conic.of`, which takes a twentieth of a step.
-        H_all, E, T = np.zeros((n, n)), np.zeros((e + len(J), n)), np.zeros((last, n))
-        H_all[:p, :p], H_all[p:, p:] = K, H
-        E[:e, :p], E[:e, p:], E[e:, p:] = -per_weight[idle], M[idle] / unit, J
-        T[: robot.nu, :p], T[: robot.nu, p:] = per_weight[motors] * (-unit / size)[:, None], M[motors] / size[:, None]
-        T[robot.nu : first, :p], T[np.arange(first, last), p + limited] = W_n, 1.0
-        free = np.full(nv, np.inf)
-        conic = Conic(
-            H_all, np.concatenate([k, -(Aw @ wanted)]), E, np.concatenate([need[idle] / -unit, -offset]),
-            T, np.concatenate([torques[0] / size - own, low_n, least[limited]]),
-            np.concatenate([torques[1] / size - own, high_n, most[limited]]),
-            np.concatenate([lower, -free]), np.concatenate([upper, free]), sets.cone_columns, sets.mu,
+        e, first, n = nv - robot.nu, robot.nu + len(low_n), p + nv
+        last, m = first + len(limited), e + len(J)
+        per_weight, g, b, low, high = np.empty((nv, p)), np.zeros(n), np.empty(m), np.empty(last), np.empty(last)
+        H, E, C = np.zeros((n, n)), np.zeros((m, n)), np.zeros((last, n))
+        H.flat[p * (n + 1) :: n + 1] = ACCELERATION_COST
+        A, wanted, cost = (
+            _stacked([each.A for each in of_a], nv),
+            _joined([each.wanted for each in of_a]),
+            _joined([each.cost for each in of_a]),
+        )
+        step_kernel().assembled(
+            state.M.T, need, J, offset, sets.G, unit, robot.unactuated, robot.actuated, A, wanted, cost, K, k,
+            limits.torques(robot), *torques, W_n, low_n, high_n, limited, *limits.accelerations(state), per_weight, H, g, E, b,
+            C, low, high,
         )  # fmt: skip
-        program = StepProgram(conic, p, slice(e, e + len(J)), slice(robot.nu, first), slice(first, last))
-        return cls(state, contacts, external, limits, feedback, balance, terms, (A, wanted), program, torques, limited)
+        balance.__dict__["per_weight"] = per_weight
+        conic = filled(  # without `Conic.of`, which takes a twentieth of a step
+            Conic, H=H, g=g, A=E, b=b, C=C, low=low, high=high, lower=lower, upper=upper, cones=sets.cone_columns, mu=sets.mu,
+            spans={},
+        )  # fmt: skip
+        program = StepProgram(conic, p, slice(e, m), slice(robot.nu, first), slice(first, last))
+        return cls(state, contacts, external, limits, feedback, balance, terms, program, torques, limited)
 
     def relaxed(self) -> Relaxed | None:
         """The program with the least violation, rotations counting at a lever arm of `LENGTH`; None where it was not found."""
@@ -310,25 +303,17 @@ class StepProblem:
 
     def missed(self, a: Array, w: Array) -> dict[str, Array]:
         """{task: wanted less reached}, of accelerations and weights [N]."""
-        A, wanted = self.stacked
-        left, out, at = wanted - A @ a, {}, 0
+        out = {each.name: each.wanted - each.A @ a for each in self.terms if not each.contact}
         for each in self.terms:
             if each.contact:
                 wrench = _resultant(each.name, each.contact, self.still.rows, self.still.sets) @ w
                 out[each.name] = each.wanted - each.A @ wrench[: each.A.shape[1]]
-            else:
-                out[each.name] = left[at : at + len(each.wanted)]
-                at += len(each.wanted)
         return out
 
-    def loads(self, a: Array, feedback: Array) -> ForceBalance:
-        """The equations of motion, the contacts as still as the step wants them."""
+    def loads(self, need: Array, feedback: Array, offset: Array) -> ForceBalance:
+        """The equations of motion, the contacts as still as the step wants them; `need` is M a + h - tau_ext."""
         still = self.still
-        rows = tuple([r.kept_still(part) for r, part in by_rows(still.rows, feedback)])
-        stacked = still.J, np.concatenate([_NONE, *[r.bias for r in rows]]) + feedback
-        loads = ForceBalance(self.state, rows, still.sets, self.state.M @ a + still.need, stacked)
-        loads.__dict__.update(J=still.J, per_weight=still.per_weight)
-        return loads
+        return ForceBalance(self.state, partial(_at_rest, still.rows, feedback), still.sets, need, (still.J, offset))
 
     def violation(self, missed: Array, passed: Array, seen: float) -> Violation:
         """Accelerations that contacts miss, shape (m,), and by how much joints pass their bounds, shape (j,), by name.
@@ -342,7 +327,7 @@ class StepProblem:
 
     def moving(self) -> dict[str, float]:
         """{contact: speed} of those that move [m/s, rad/s]."""
-        return {r.name: r.speed for r in self.still.rows if r.speed > REST_SPEED}
+        return {r.name: r.speed for r in self.still.rows if max_abs(r.velocity) > REST_SPEED}
 
 
 _NONE = np.zeros(0)
@@ -351,6 +336,17 @@ _NONE = np.zeros(0)
 @lru_cache(maxsize=128)
 def _pyramids(sets: ForceSet) -> ForceSet:
     return sets.with_pyramids(inscribed=True) if len(sets.mu) else sets
+
+
+def _at_rest(rows: Sequence[Rows], feedback: Array) -> tuple[Rows, ...]:
+    return tuple([r.kept_still(part) for r, part in by_rows(rows, feedback)])
+
+
+@lru_cache(maxsize=128)
+def _weight_bounds(sets: ForceSet, unit: float, nv: int) -> tuple[Array, Array]:
+    """Bounds of (w / unit, a): accelerations have none of their own."""
+    free = np.full(nv, np.inf)
+    return np.concatenate([sets.lower / unit, -free]), np.concatenate([sets.upper / unit, free])
 
 
 def _refuse(rows: Sequence[Rows]) -> None:
@@ -371,7 +367,8 @@ def _terms(task: Task, state: State, t: float) -> TaskTerms:
         InputError: others.
     """
     terms = task.terms(state, t)
-    check_kind(f"terms of task {task.name!r:.80}", terms, TaskTerms, "rbd.control.TaskTerms")
+    if type(terms) is not TaskTerms:
+        check_kind(f"terms of task {task.name!r:.80}", terms, TaskTerms, "rbd.control.TaskTerms")
     if terms.name != task.name:
         raise InputError(f"the terms of task {task.name!r:.80} are named {terms.name!r:.80}; expected the task's name.")
     if not terms.contact and terms.A.shape[1] != state.robot.nv:
@@ -381,13 +378,13 @@ def _terms(task: Task, state: State, t: float) -> TaskTerms:
     return terms
 
 
-def _stacked(terms: Sequence[TaskTerms], nv: int) -> tuple[Array, Array, Array]:
-    """(A, wanted, cost) of tasks of accelerations."""
-    if not terms:
-        return np.zeros((0, nv)), _NONE, _NONE
-    parts = [(each.A, each.wanted, each.cost) for each in terms]
-    A, wanted, cost = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return A, wanted, cost
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts) if parts else _NONE
+
+
+def _stacked(parts: Sequence[Array], nv: int) -> Array:
+    """Matrices below each other, their rows contiguous."""
+    return np.concatenate(parts, out=np.empty((sum(map(len, parts)), nv))) if parts else np.empty((0, nv))
 
 
 def _force_cost(terms: Sequence[TaskTerms], rows: Sequence[Rows], sets: ForceSet, unit: float) -> tuple[Array, Array]:
@@ -397,9 +394,7 @@ def _force_cost(terms: Sequence[TaskTerms], rows: Sequence[Rows], sets: ForceSet
         UnknownName: a contact that was not given.
         InputError: of another kind than its force.
     """
-    p = sets.size
-    K, k = np.zeros((p, p)), np.zeros(p)
-    K.flat[:: p + 1] = FORCE_COST
+    K, k = FORCE_COST * identity(sets.size), zeros(sets.size)
     for each in terms:
         if each.contact:
             of = _resultant(f"task {each.name!r:.80}", each.contact, rows, sets)
@@ -408,8 +403,7 @@ def _force_cost(terms: Sequence[TaskTerms], rows: Sequence[Rows], sets: ForceSet
                 raise InputError(f"task {each.name!r:.80} has {each.A.shape[1]} columns; {each.contact!r:.80} has {wants}.")
             A = each.A @ of[: each.A.shape[1]] * unit
             weighed = A.T * each.cost
-            K += weighed @ A
-            k -= weighed @ each.wanted
+            K, k = K + weighed @ A, k - weighed @ each.wanted
     return K, k
 
 
@@ -430,12 +424,13 @@ def _resultant(asked_by: str, name: str, rows: Sequence[Rows], sets: ForceSet) -
 
 def _without_zeros(W: Array, low: Array, high: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:
     """(W, low, high, upper) where a normal force that may only be zero is zero of each ray, and no row."""
-    zero = high <= 0.0
+    zero, p = high <= 0.0, W.shape[1]
     if not zero.any():
         return W, low, high, upper
-    pushes = (W[zero] > 0.0).any(axis=0) & (lower == 0.0)
-    upper = np.where(pushes, 0.0, upper)
-    kept = ~zero | (W[:, lower < 0.0] != 0.0).any(axis=1)
+    pushes = (W[zero] > 0.0).any(axis=0) & (lower[:p] == 0.0)
+    upper = upper.copy()
+    upper[:p][pushes] = 0.0
+    kept = ~zero | (W[:, lower[:p] < 0.0] != 0.0).any(axis=1)
     return W[kept], low[kept], high[kept], upper
 
 

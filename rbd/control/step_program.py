@@ -4,9 +4,9 @@
     subject to  A x = b                     equations of motion without motors; contacts, loops
                 low <= C x <= high          torques over their limits, normal forces, joint limits
 
-DAQP solves the program: first without limits of torques and with few of joints, then with all, if that answer
-passes one. Every answer is judged by `StepProgram.optimality`; where it is none, equations
-that depend on others are left out, and then Clarabel is asked, whose answer Newton's method makes exact.
+DAQP solves the program: first without limits of torques and with few of joints; if that answer passes one, with all, without
+equations that depend on others. Every answer is judged by `StepProgram.optimality`; where it is none, Clarabel is asked, whose
+answer Newton's method makes exact.
 
 Equations of motion, friction pyramids, normal forces and torque limits are kept always: for any torques and forces within
 them there is an acceleration. What accelerations of contacts and of joints miss is least in the sum of squares,
@@ -21,13 +21,14 @@ then choose: rows between bounds with a multiplier hold as equations at all of t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array, max_abs
+from rbd.control.motion_limits import step_kernel
 from rbd.problem.conic import Conic
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.conic_newton import solve_conic
@@ -74,27 +75,7 @@ class StepProgram:
 
     def optimality(self, point: StepPoint) -> float:
         """How far a point is from the minimiser: the worst equation, bound, gradient and complementarity, scaled."""
-        P, p = self.conic, self.p
-        Hx, Ay = P.H @ point.x, point.y @ P.A
-        size = max(1.0, max_abs(Hx), max_abs(P.g[p:]), max_abs(Ay))
-        moving = max(1.0, max_abs(point.x[p:]), max_abs(P.b))
-        gradient = Hx + P.g - Ay - point.z @ P.C
-        gradient[:p] -= point.bounds
-        missed = P.A @ point.x - P.b
-        if not math.isfinite(np.vdot(gradient, gradient) + np.vdot(missed, missed)):
-            return math.inf
-        rows, w = P.C @ point.x, point.x[:p]
-        below, above = np.concatenate([rows - P.low, w - P.lower[:p]]), np.concatenate([P.high - rows, P.upper[:p] - w])
-        multipliers = np.concatenate([point.z, point.bounds])
-        held = multipliers.nonzero()[0]
-        pushes = multipliers[held]
-        room = np.where(pushes > 0.0, below[held], above[held])
-        return max(
-            max_abs(gradient) / size,
-            max_abs(missed) / moving,
-            -min(0.0, float(below.min(initial=0.0)), float(above.min(initial=0.0))) / moving,
-            max_abs(pushes * room) / size,
-        )
+        return float(step_kernel().optimality(*self.conic.arrays[:9], self.p, *point[:4]))
 
 
 _NEAR = 20.0
@@ -110,74 +91,59 @@ def minimiser(program: StepProgram, *, possible: bool = False) -> tuple[StepPoin
         program: To be solved.
         possible: Whether it is known to have an answer: no method's verdict ends the search.
     """
-    best, least = None, math.inf
-    for point in _attempts(program, possible=possible):
-        found = program.optimality(point)
-        if found < least:
-            best, least = point, found
-        if found <= SOLVED:
+    best, least, off = None, math.inf, math.inf
+    for method in (partial(by_daqp, few=True), by_daqp, by_clarabel):
+        if method is by_clarabel and off > _FAR and not possible:
+            break  # there is none, or DAQP left a contradicting equation out
+        point, solved = method(program)
+        off = program.optimality(point)
+        if solved and off < least:
+            best, least = point, off
+        if least <= SOLVED:
             break
     return best, least
 
 
-def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
-    near = np.minimum(-program.conic.low, program.conic.high) < _NEAR  # those that are likely to bind; others are judged
-    near[: program.forces.start] = False  # torques
-    near[program.forces] = True
-    first, found = by_daqp(program, near.nonzero()[0])
-    if found:
-        yield first
-    if found and not near.all():
-        first, found = by_daqp(program)
-        if found:
-            yield first
-    second, solved = by_daqp(program, independent=True)
-    if solved:
-        yield second
-    if not possible and program.optimality(second) > _FAR:
-        return  # there is none, or DAQP left a contradicting equation out
-    yield by_clarabel(program)
-
-
-def by_clarabel(program: StepProgram) -> StepPoint:
-    """Where Clarabel ends, made exact by Newton's method on the active set that it sees."""
-    P = program.conic
-    found = solve_conic(P, newton=False, tolerance=SOLVED)
-    answer = P.answer_of_X(found.x, found.y, found.z)
-    bounds = np.where(np.isfinite(np.where(answer > 0.0, P.lower, P.upper)), answer, 0.0)[: program.p]
-    return StepPoint(found.x, found.y, found.z, bounds, found.iterations, found.method)
-
-
-def by_daqp(program: StepProgram, between: Array | slice = slice(None), *, independent: bool = False) -> tuple[StepPoint, bool]:
-    """(where DAQP ends, whether that is an answer), with some of the equations and of the rows between bounds.
+def by_daqp(program: StepProgram, *, few: bool = False) -> tuple[StepPoint, bool]:
+    """(where DAQP ends, whether that is an answer), without the equations that depend on others.
 
     Weights that are fixed are left out: DAQP takes them for equations, and where these and the others determine everything it
     may find no answer.
 
     Args:
         program: The program.
-        between: Which rows between bounds; all if not given.
-        independent: Leave out equations that depend on others.
+        few: With all equations, and of the rows of motors and joints those that are likely to bind.
     """
-    P, p = program.conic, program.p
-    fixed = P.lower == P.upper
+    P, p, forces, fixed = program.conic, program.p, program.forces, program.conic.lower == program.conic.upper
     free: Array | slice = np.flatnonzero(~fixed) if fixed.any() else slice(None)
+    between: Array | slice = slice(None)
+    if few:
+        near = np.minimum(-P.low, P.high) < _NEAR
+        near[: forces.start], near[forces] = False, True
+        between = near.nonzero()[0]
     x, y, z = np.where(fixed, P.lower, 0.0), np.zeros(len(P.b)), np.zeros(len(P.low))
-    A, C, b, g, low, high = P.A, P.C[between], P.b, P.g, P.low[between], P.high[between]
+    A, C, H, away = P.A[:, free], P.C[between], P.H[free], P.C[between] @ x
+    kept: Array | slice = slice(None) if few else independent_rows(A)
+    b, lower, upper = (P.b - P.A @ x)[kept], P.lower[:p][~fixed[:p]], P.upper[:p][~fixed[:p]]
+    bottom, top = np.concatenate([b, P.low[between] - away]), np.concatenate([b, P.high[between] - away])
+    found = solve_strict(
+        H[:, free], (P.g + P.H @ x)[free], lower, upper, np.concatenate([A[kept], C[:, free]]), bottom, top
+    )  # fmt: skip
+    x[free], y[kept], z[between] = found.x, found.y[: len(b)], found.y[len(b) :]
+    bounds = found.z
     if fixed.any():
-        away = C @ x
-        b, g, low, high = b - A @ x, g + P.H @ x, low - away, high - away
-        A, C = A[:, free], C[:, free]
-    lower, upper = (bounds[:p][~fixed[:p]] for bounds in (P.lower, P.upper))
-    kept: Array | slice = independent_rows(A) if independent else slice(None)
-    rows, b, m = np.concatenate([A[kept], C]), b[kept], len(b[kept])
-    bottom, top = np.concatenate([b, low]), np.concatenate([b, high])
-    found = solve_strict(P.H[free][:, free], g[free], lower, upper, rows, bottom, top)
-    x[free], y[kept], z[between], bounds = found.x, found.y[:m], found.y[m:], found.z
-    if fixed.any():
-        bounds = (P.H @ x + P.g - y @ P.A - z @ P.C)[:p]  # what holds the fixed weights
+        bounds = P.answer_of_X(x, y, z)[:p]  # what holds the fixed weights
         bounds[~fixed[:p]] = found.z
     return StepPoint(x, y, z, bounds, found.iterations, "DAQP"), found.solved
+
+
+def by_clarabel(program: StepProgram) -> tuple[StepPoint, bool]:
+    """(where Clarabel ends, True), made exact by Newton's method on the active set that it sees."""
+    P = program.conic
+    found = solve_conic(P, newton=False, tolerance=SOLVED)
+    answer = P.answer_of_X(found.x, found.y, found.z)
+    bounds = np.where(np.isfinite(np.where(answer > 0.0, P.lower, P.upper)), answer, 0.0)[: program.p]
+    return StepPoint(found.x, found.y, found.z, bounds, found.iterations, found.method), True
 
 
 _PROXIMAL = 1e-10

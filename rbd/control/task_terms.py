@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, check_number, lazy, zeros
+from rbd.arrays import Array, as_array, check_finite, check_number, filled, lazy, zeros
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import check_different, listed_items
@@ -88,12 +88,10 @@ class TaskTerms(Displayed):
     @classmethod
     def unchecked(cls, name: str, A: Array, wanted: Array, cost: Array, contact: str = "") -> TaskTerms:
         """The same without rows of cost zero, and without the checks, a quarter of what a task costs: for arrays that fit."""
-        if not cost.all():
-            rows = cost > 0.0
-            A, wanted, cost = A[rows], wanted[rows], cost[rows]
-        self = object.__new__(cls)
-        self.__dict__.update(name=name, A=A, wanted=wanted, cost=cost, contact=contact)
-        return self
+        rows = cost.nonzero()[0]
+        if len(rows) < len(cost):
+            A, wanted, cost = A.take(rows, axis=0), wanted.take(rows), cost.take(rows)
+        return filled(cls, name=name, A=A, wanted=wanted, cost=cost, contact=contact)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name and isinstance(self.contact, str)):

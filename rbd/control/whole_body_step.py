@@ -17,9 +17,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, check_number, max_abs
+from rbd.arrays import Array, check_number, filled, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
-from rbd.control.motion_limits import Limits
+from rbd.control.motion_limits import Limits, step_kernel
 from rbd.control.step_problem import StepCertificate, StepProblem, TaskActuation
 from rbd.control.step_program import Relaxed, StepPoint, minimiser
 from rbd.control.task_terms import Task
@@ -28,12 +28,10 @@ from rbd.errors.inputs import check_kind
 from rbd.model.external import External
 from rbd.model.state import State, checked
 from rbd.problem.answer import Status
-from rbd.problem.cones import project_cones
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet
 from rbd.problem.residuals import SOLVED
 from rbd.statics.effort import DEFAULT
-from rbd.statics.force_balance import onto_limits
 
 DAMPING = 50.0
 """Rate at which velocities of contacts decay [1/s]."""
@@ -118,102 +116,78 @@ def silent_step(
     """
     checked(state)
     check_kind("limits", limits, Limits, "rbd.control.Limits(...)")
-    time = check_number("t", t, -1e300, 1e300, expected="a time [s]")
-    damping = check_number("contact_damping", contact_damping, 0.0, _FASTEST, expected="a rate of 0 or more [1/s]")
     problem = StepProblem.of(
         state,
         tasks,
         with_loops(state.robot, contacts, loops),
-        time,
+        check_number("t", t, -1e300, 1e300, expected="a time [s]"),
         limits,
         external,
         normal_force,
-        damping,
+        check_number("contact_damping", contact_damping, 0.0, _FASTEST, expected="a rate of 0 or more [1/s]"),
         stacklevel=stacklevel,
     )
-    point, miss = minimiser(problem.program)
-    eased = None
+    (point, miss), eased = minimiser(problem.program), None
     if point is None or miss > SOLVED:
-        found = problem.relaxed()
-        if found is not None and found.violated:
-            eased = found
-            point, miss = minimiser(eased.program, possible=True)
-        else:  # nothing need be violated: DAQP was wrong, or not exact enough
-            point, miss = minimiser(problem.program, possible=True)
-    name = state.robot.name
+        eased = problem.relaxed()
+        if eased is not None and not eased.violated:  # nothing need be: DAQP was wrong, or not exact enough
+            eased = None
+        point, miss = minimiser(problem.program if eased is None else eased.program, possible=True)
     if point is None:
-        raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")
-    actuation = _actuation(problem, point, miss, eased)
-    certificate = actuation.certificate
-    if certificate.status is Status.FAILED:
+        raise NoSolution(f"no torques and forces of {state.robot.name} were found for this step, even with contacts relaxed.")
+    found = _actuation(problem, point, miss, eased)
+    if found.status is Status.FAILED:
         raise NoSolution(
-            f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}. Costs of tasks "
-            "that differ by ten decades leave its program ill-conditioned."
+            f"the step of {state.robot.name} was found only to a scaled residual of {found.certificate.worst:.1e}: "
+            f"{found.certificate}. Costs of tasks that differ by ten decades leave its program ill-conditioned."
         )
-    return actuation
+    return found
 
 
 def complaints(found: TaskActuation) -> list[tuple[type[RbdWarning], str]]:
     """What a step warns of, each with its category: limits that were not kept, and residuals above 1e-9."""
-    name, out = found.state.robot.name, list[tuple[type[RbdWarning], str]]()
+    out = list[tuple[type[RbdWarning], str]]()
     if found.violation is not None:
         text = (
-            f"{name} cannot keep all contacts and joint limits; the least violation: {found.violation}. Ask for less, or "
-            "leave out contacts that contradict each other."
+            f"{found.state.robot.name} cannot keep all contacts and joint limits; the least violation: {found.violation}. Ask "
+            "for less, or leave out contacts that contradict each other."
         )
         out.append((RelaxedLimitsWarning, text))
     if found.status is Status.INACCURATE:
-        text = f"the step of {name} has a scaled residual of {found.certificate.worst:.1e} (solved is 1e-9)."
-        out.append((InaccurateWarning, text))
+        worst = f"{found.certificate.worst:.1e} (solved is 1e-9)"
+        out.append((InaccurateWarning, f"the step of {found.state.robot.name} has a scaled residual of {worst}."))
     return out
 
 
 def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:
     """Torques and forces at a point of the program, with their certificate."""
-    conic, unit, (least, most) = problem.program.conic, problem.still.unit, problem.torques
-    limit, p, bounded = problem.limits.torques(problem.state.robot), problem.program.p, problem.program.joints
-    a, w = point.x[p:], conic.project(point.x)[:p] * unit
-    feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
-    loads = problem.loads(a, feedback)
-    tau, left = loads.torques(w)
-    tau = onto_limits(tau, least, most, limit)
-    joints = conic.C[bounded] @ point.x
-    passed = np.maximum(conic.low[bounded] - joints, joints - conic.high[bounded])
+    state, program, conic, still = problem.state, problem.program, problem.program.conic, problem.still
+    robot, sets, unit, p, bounded = state.robot, still.sets, still.unit, program.p, program.joints
+    offset, feedback = -conic.b[program.contacts], problem.feedback
+    lowest, highest, a = conic.low[bounded], conic.high[bounded], point.x[p:]
     if eased is not None:
-        passed = passed - eased.joints
-    excess = np.maximum(np.maximum(least - tau, tau - most), 0.0)
-    moves = max(1.0, max_abs(a), max_abs(conic.b))
-    forces = max(unit, max_abs(loads.need), max_abs(w))
-    values = (
-        max_abs(left),
-        max_abs(loads.accelerations(a)),
-        _outside_cones(problem.still.sets, w),
-        float(excess.max(initial=0.0)),
-        float(passed.max(initial=0.0)),
-    )
-    torque = float((excess / np.minimum(limit, 1e300)).max(initial=0.0))
-    scaled = (values[0] / forces, values[1] / moves, values[2] / forces, torque, values[4] / moves, optimality)
-    return TaskActuation(
-        a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method,
-        missed=problem.missed(a, w), certificate=StepCertificate(*values, optimality, scaled),
+        offset, feedback = offset - eased.contacts, feedback - eased.contacts
+        lowest, highest = lowest - eased.joints, highest + eased.joints
+    w, tau, load = np.empty(p), np.empty(robot.nu), np.empty(robot.nv)
+    balance, moved, cones, excess, passed, share = step_kernel().judged(
+        state.M.T, still.need, still.J, offset, still.per_weight, unit, robot.unactuated, robot.actuated, point.x, conic.lower,
+        conic.upper, sets.push, *_pyramids(sets), *problem.torques, problem.limits.torques(robot), problem.limited, lowest,
+        highest, w, tau, load,
+    )  # fmt: skip
+    moves, forces = max(1.0, max_abs(a), max_abs(conic.b)), max(unit, max_abs(load), max_abs(w))
+    scaled = (balance / forces, moved / moves, cones / forces, share, passed / moves, optimality)
+    return filled(
+        TaskActuation, a=a, tau=tau, weights=w, loads=problem.loads(load, feedback, offset), constraints=problem.contacts,
+        external=problem.external, effort=DEFAULT, margin=0.0, rest_speed=REST_SPEED, iterations=point.iterations,
+        method=point.method, missed=problem.missed(a, w), limits=problem.limits, moving=problem.moving(),
+        certificate=StepCertificate(balance, moved, cones, excess, passed, optimality, scaled),
         violation=None if eased is None else problem.violation(eased.contacts, eased.joints, eased.seen),
-        limits=problem.limits, moving=problem.moving(),
     )  # fmt: skip
 
 
-def _outside_cones(sets: ForceSet, w: Array) -> float:
-    """Largest distance of a point's force from its circular friction cone [N]."""
-    at, mu = _coefficients(sets)
-    if not len(mu):
-        return 0.0
-    points = sets.sums(sets.push.T * w)[:, at]
-    if (np.hypot(points[0], points[1]) <= mu * points[2]).all():
-        return 0.0
-    return float(np.abs(points.T - project_cones(points.T, mu)).max())
-
-
 @lru_cache(maxsize=128)
-def _coefficients(sets: ForceSet) -> tuple[Array, Array]:
-    """Which elements are cones, and their friction coefficients."""
-    cones = [(i, e.mu) for i, e in enumerate(sets.elements) if e.facets]
-    return np.array([i for i, _ in cones], int), np.array([mu for _, mu in cones])
+def _pyramids(sets: ForceSet) -> tuple[Array, Array]:
+    """First columns of the pyramids and those after their last, shape (k, 2), and their friction coefficients."""
+    each = [e for e in sets.elements if e.facets]
+    spans = [(e.columns.start, e.columns.stop) for e in each]
+    return np.array(spans, int).reshape(-1, 2), np.array([e.mu for e in each], float)

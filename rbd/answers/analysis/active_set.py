@@ -29,7 +29,7 @@ from functools import lru_cache
 import numpy as np
 
 from rbd.answers.analysis.contact_modes import RESOLUTION, Modes, Need, modes_of
-from rbd.arrays import RANK, Array, blas, block_diagonal, identity, lapack, max_abs
+from rbd.arrays import RANK, Array, blas, block_diagonal, lapack, max_abs
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Cone
@@ -91,11 +91,11 @@ class ActiveSet:
         for slip in self._modes.slips:
             E = T.G[:, slip.columns].T @ P.J
             M -= self._modes.start[slip.active] * E.T @ slip.turning @ E
-        self._L, info = lapack.dpotrf(M, lower=1, clean=1)
+        L, info = lapack.dpotrf(M, lower=1, clean=1)
         if info:
             raise NotDifferentiable("a slipping point has negative normal force: solve again, to scaled residuals below 1e-9.")
-        X = blas.dtrsm(1.0, self._L, P.J.T @ (T.G @ self._Phi), lower=1)
-        Y = blas.dtrsm(1.0, self._L, self._J.T @ self._Psi, lower=1)
+        self._E = lapack.dtrtri(L, lower=1)[0]  # L^-1; dtrsm of as many columns starts threads, and takes 4 ms
+        X, Y = self._E @ (P.J.T @ (T.G @ self._Phi)), self._E @ (self._J.T @ self._Psi)
         self._U, self._to_weights, self._kernel = _bases(X)
         self._V, to_answers, self._repeated = _bases(Y)
         self._answers = to_answers.T
@@ -198,7 +198,7 @@ class ActiveSet:
 
     def _back(self, z: Array) -> Array:
         """L^-T z."""
-        return blas.dtrsm(1.0, self._L, z, lower=1, trans_a=1)
+        return np.asarray(self._E.T @ z)
 
     def _motion(self, r: Array, b: Array, c: Array) -> tuple[Array, Array]:
         """(p, z): z = L^T da = L^-1 r + U p with Psi^T J da = b."""
@@ -208,7 +208,7 @@ class ActiveSet:
                 f"rows are linearly dependent here, and contradict each other nearby (by {left:.2g} m/s2 per unit): "
                 "the answer does not change smoothly. Leave out the redundant rows; a sole is one SurfaceContact."
             )
-        free = blas.dtrsm(1.0, self._L, r, lower=1)
+        free = self._E @ r
         p = np.linalg.solve(self._meeting, self._answers @ b - self._V.T @ free)
         return p, free + self._U @ p
 
@@ -340,7 +340,7 @@ class HeldRows:
     def __init__(self, problem: GaussProblem, words: dict[str, tuple[str, ...]], factor: Array) -> None:
         P = problem
         self.words, self.internal, self._R = words, np.zeros((P.m, 0)), factor
-        E = blas.dtrsm(1.0, P.factor, identity(P.nv), lower=1)
+        E = lapack.dtrtri(P.factor, lower=1)[0]  # as above
         if not P.m:
             self._free, self._B = E.T @ E, np.zeros((P.nv, 0))
             return

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 
 import numpy as np
 import pinocchio as pin
@@ -340,7 +341,7 @@ _STILL = 1e-9
 
 def _parts(fixed: Sequence[FixedRows], f: Array) -> list[Array]:
     """The row forces of each constraint."""
-    return np.split(f, np.cumsum([rows.size for rows in fixed])[:-1]) if fixed else []
+    return [f[end - rows.size : end] for rows, end in zip(fixed, accumulate(rows.size for rows in fixed), strict=True)]
 
 
 def _problem_of(
