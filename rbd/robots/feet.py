@@ -19,7 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.meshes import Geometry, solid_hull
 from rbd.model.state import State
 from rbd.problem.cones import Cone
-from rbd.problem.ground import On, surfaces_of
+from rbd.problem.ground import On, Surface, surfaces_of
 from rbd.robots.catalogue import Foot
 
 
@@ -28,17 +28,15 @@ def contacts_of(
 ) -> list[SurfaceContact | PointContact]:
     """Feet as contacts; see `rbd.Robot.feet`."""
     planes = surfaces_of([foot.name for foot in feet], on)
-    out: list[SurfaceContact | PointContact] = []
-    for foot in feet:
-        name, frame, plane = foot.name, foot.frame, planes[foot.name]
-        if foot.kind == "point":
-            out.append(PointContact(name, frame, offset=foot.translation, friction=friction, facets=facets, on=plane))
-            continue
-        X_FP = pin.SE3(foot.rotation, np.array(foot.translation))
-        out.append(
-            SurfaceContact(name, frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets, on=plane)
-        )
-    return out
+    return [_contact(foot, friction, facets, planes[foot.name]) for foot in feet]
+
+
+def _contact(foot: Foot, friction: float | Cone | None, facets: int, on: Surface) -> SurfaceContact | PointContact:
+    name, frame = foot.name, foot.frame
+    if foot.kind == "point":
+        return PointContact(name, frame, offset=foot.translation, friction=friction, facets=facets, on=on)
+    X_FP = pin.SE3(foot.rotation, np.array(foot.translation))
+    return SurfaceContact(name, frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets, on=on)
 
 
 def soles_at(robot: CheckedModel, collision: Geometry, frames: Sequence[str], at: State) -> tuple[Foot, ...]:

@@ -163,10 +163,8 @@ class Linearised(Displayed):
         size = float(np.abs(found.values).max(initial=0.0))
         error = max(self.invariance, self.difference) * max(1.0, float(np.abs(self.A).max(initial=0.0)))
         out = []
-        for k, value in enumerate(found.values):
-            zero = max(self.zero, found.condition[k] * error)
-            if value.imag < -INVARIANT * size:
-                continue  # of a pair, the other one
+        for k in np.flatnonzero(found.values.imag >= -INVARIANT * size):  # of a pair one
+            value, zero = found.values[k], max(self.zero, found.condition[k] * error)
             inner = self.space.basis @ (self._scale * found.right[:, k])
             outer = self.space.basis @ (self._scale * found.whole[:, k])
             largest, of_velocity = largest_entry(inner[:nv], inner[nv:], scale)

@@ -158,10 +158,8 @@ class MeasuredMotion(Displayed):
             b += generalised(state, self.external)[0]
         touching = np.asarray(self.touches)[i]
         acting = [c for c, on in zip(self._given, touching, strict=True) if on or c.name in self.forces]
-        for rows in rows_of(state, acting):
+        for rows in [r for r in rows_of(state, acting) if len(r)]:  # a limit that is not reached has none
             force = self.forces.get(rows.name)
-            if not len(rows):  # a limit that is not reached
-                continue
             if force is None:
                 unknown.append(rows.J.T)
                 continue

@@ -264,12 +264,9 @@ class Identification(Displayed):
                 if theta[0] > 0.0:
                     out.model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(theta)
         if "rotor_inertia" in self.columns:
-            rotors = np.array(out.model.armature, float)
-            for i, coordinate in enumerate(out.joints.velocities):
-                name = f"{coordinate.name}.rotor_inertia"
-                if name in self.base.names:
-                    rotors[i] = self.parameter(name)
-            out.model.armature = rotors
+            found = dict(zip(self.base.names, self.theta.tolist(), strict=True))
+            stated = zip(out.joints.velocities, out.model.armature.tolist(), strict=True)
+            out.model.armature = np.array([found.get(f"{c.name}.rotor_inertia", rotor) for c, rotor in stated])
         return out
 
     def residuals(self, motions: object) -> tuple[Array, Array]:
@@ -295,14 +292,11 @@ class Identification(Displayed):
         entries of motors are their torques, to be compared with `motion.tau`, and those of a floating base are zero.
         """
         given = measured_motions(motion)[0]
-        out = []
-        for i in range(given.frames):
-            _, Y, b, _ = given.equations(i, self.columns)
-            supplied = b.copy()
-            if given.tau is not None:
-                supplied[given.robot.motors] -= given.tau[i]
-            out.append(Y @ self.theta - supplied)
-        return np.array(out)
+        equations = (given.equations(i, self.columns) for i in range(given.frames))
+        out = np.array([Y @ self.theta - b for _, Y, b, _ in equations])
+        if given.tau is not None:
+            out[:, given.robot.motors] += given.tau
+        return out
 
     def __str__(self) -> str:
         proof = self.certificate
