@@ -55,9 +55,8 @@ class RobotFile:
     def missing_meshes(self, package_dirs: Sequence[Path]) -> Iterator[str]:
         """Names of the meshes that are in none of the folders; none is opened."""
         folders = [str(folder) for folder in (self.path.parent, *package_dirs)]
-        for name, relative in self.meshes:
-            if not any(os.path.isfile(os.path.join(folder, relative)) for folder in folders):
-                yield name
+        places = {name: [os.path.join(folder, relative) for folder in folders] for name, relative in self.meshes}
+        return (name for name, paths in places.items() if not any(map(os.path.isfile, paths)))
 
 
 def read(

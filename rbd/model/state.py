@@ -227,8 +227,7 @@ class State(Displayed):
         with self._pool.lock:
             self._data()
             assert self._slot is not None
-            placements = self._slot.placements
-            places = np.array([placements[joint].homogeneous for joint in joints])
+            places = np.array([self._slot.placements[joint].homogeneous for joint in joints])
             return places[:, :3, :3], places[:, :3, 3]
 
     def joint_motion(self, joints: Sequence[int]) -> tuple[Array, Array, Array]:

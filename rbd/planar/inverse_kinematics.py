@@ -35,7 +35,6 @@ from typing import Any
 
 import numpy as np
 import sympy
-from scipy.optimize import brentq
 
 from rbd.arrays import Array, check_number
 from rbd.displayed import Displayed
@@ -85,9 +84,12 @@ def evenly_bent(arm: ChainNumbers, target: Array) -> Array:
     reach = np.hypot(*(arm.ell @ units(bends[:, None] * np.arange(arm.n))).T)
     below = np.flatnonzero(reach <= r)
     if len(below) and below[0] > 0:  # the least bend that matches, between two samples
-        bend = brentq(
-            lambda x: np.hypot(*(arm.ell @ units(x * np.arange(arm.n)))) - r, bends[below[0] - 1], bends[below[0]], xtol=1e-15
-        )
+        low, high = bends[below[0] - 1], bends[below[0]]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            outside = np.hypot(*(arm.ell @ units(middle * np.arange(arm.n)))) > r
+            low, high = (middle, high) if outside else (low, middle)
+        bend = 0.5 * (low + high)
     else:
         bend = bends[np.argmin(np.abs(reach - r))]
     psi = bend * np.arange(arm.n)

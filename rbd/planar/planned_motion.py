@@ -235,8 +235,7 @@ def _check_reach(arm: ChainNumbers, path: MinimumJerk) -> None:
 def _followed(chain: Chain, path: MinimumJerk, times: Array, branch: int, start: Sequence[float] | Array | None) -> Array:
     """Angles of one or two links, followed in steps fine enough that no turn is missed, shape (samples, n)."""
     grid = np.union1d(times, path.times(FINE + 1))
-    q = inverse_path(chain, path.displacement(grid), branch=branch, start=start).q
-    return q[np.searchsorted(grid, times)]
+    return inverse_path(chain, path.displacement(grid), branch=branch, start=start).q[np.searchsorted(grid, times)]
 
 
 def _integrated(

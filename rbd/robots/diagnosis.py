@@ -323,8 +323,8 @@ def _outside(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[Mod
 
 
 def _unlimited(robot: CheckedModel) -> Iterator[ModelIssue]:
-    for name in dict.fromkeys(np.array(robot.actuated_names)[~np.isfinite(robot.effort_limit)].tolist()):
-        yield ModelIssue("effort", name, "the file states no effort limit; torques are not checked against one")
+    names = dict.fromkeys(np.array(robot.actuated_names)[~np.isfinite(robot.effort_limit)].tolist())
+    return (ModelIssue("effort", x, "the file states no effort limit; torques are not checked against one") for x in names)
 
 
 def _friction(robot: CheckedModel) -> Iterator[ModelIssue]:

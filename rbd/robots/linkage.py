@@ -92,8 +92,7 @@ class Link(Displayed):
     @property
     def bars(self) -> list[tuple[Array, Array]]:
         """(from, to) of each bar, in its axes, shape (3,)."""
-        corners = [np.array([x, 0.0, z]) for x, z in ((0.0, 0.0), *self.points)]
-        return list(itertools.pairwise(corners))
+        return list(itertools.pairwise(np.array([x, 0.0, z]) for x, z in ((0.0, 0.0), *self.points)))
 
 
 @dataclass(frozen=True)

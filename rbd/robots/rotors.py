@@ -86,8 +86,8 @@ def _of_transmissions(robot: Element, name: str) -> Iterator[Rotor]:
 
 
 def _of_srdf(robot: Element, name: str) -> Iterator[Rotor]:
-    for entry in robot.iterfind("rotor_params/joint"):  # Pinocchio's name for the inertia is "mass"
-        yield _rotor(name, "rotor_params", entry.get("name", ""), entry, ("mass", "gear_ratio"))
+    keys = "mass", "gear_ratio"  # Pinocchio's name for the inertia is "mass"
+    return (_rotor(name, "rotor_params", x.get("name", ""), x, keys) for x in robot.iterfind("rotor_params/joint"))
 
 
 def _rotor(file: str, part: str, joint: str, element: Element, keys: tuple[str, str]) -> Rotor:
