@@ -190,7 +190,7 @@ def _type(kind: Any) -> Any:
 def _dispatcher(kernel: Kernel) -> Any:
     import numba
 
-    made: Any = numba.njit(error_model="numpy")(kernel.function)
+    made: Any = numba.njit(error_model="numpy", no_cfunc_wrapper=True)(kernel.function)
     try:
         made._cache = _store()(kernel)
     except RuntimeError as error:

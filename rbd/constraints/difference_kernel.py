@@ -26,7 +26,7 @@ most this, over the size of derivative and value, the sixth is exact to 1e-11 an
 
 
 def _judged(
-    moved: Array, middle: Array, steps: Array, left: Array, slopes: int, size: float, found: Array, gaps: Array, scales: Array
+    moved: Array, middle: Array, steps: Array, left: Array, slopes: int, size: float, found: Array
 ) -> tuple[Array, float]:
     """(directions whose orders do not agree at any of the steps, size of the first derivatives that are known).
 
@@ -37,9 +37,8 @@ def _judged(
         left: The k directions of `moved`, among n.
         slopes: How many of the n directions, the first ones, want the first derivative; the others want the second.
         size: Size of first derivatives.
-        found: The best derivatives so far, shape (n, m); changed.
-        gaps: Their gaps between two orders, shape (n,); infinite where there is none; changed.
-        scales: Their scales, shape (n,); changed.
+        found: The best derivatives so far, their gaps between two orders (infinite where there is none), and their scales,
+            shape (n, m + 2); changed.
     """
     k, m = len(left), len(middle)
     value, gap, scale, open_ = np.empty((k, m)), np.empty(k), np.empty(k), np.ones(k, np.bool_)
@@ -78,8 +77,8 @@ def _judged(
             if open_[r]:
                 # Rounding in a derivative of zero is small against the others, and needs no smaller step.
                 at, scale[r] = left[r], max(scale[r], size)
-                if gap[r] < np.inf and gap[r] * scales[at] < gaps[at] * scale[r]:
-                    found[at], gaps[at], scales[at] = value[r], gap[r], scale[r]
+                if gap[r] < np.inf and gap[r] * found[at, m + 1] < found[at, m] * scale[r]:
+                    found[at, :m], found[at, m], found[at, m + 1] = value[r], gap[r], scale[r]
                 open_[r] = not gap[r] <= _AGREED[int(at >= slopes)] * scale[r]
     return left[open_], size
 
@@ -88,7 +87,6 @@ judged = compiled(
     _judged,
     signature(
         (array(1, COUNT, written=True), NUMBER),
-        *(array(4), array(1), array(1), array(1, COUNT), COUNT, NUMBER),
-        *(array(2, written=True), array(1, written=True), array(1, written=True)),
+        *(array(4), array(1), array(1), array(1, COUNT), COUNT, NUMBER, array(2, written=True)),
     ),
 )

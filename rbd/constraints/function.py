@@ -14,12 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_finite, identity, is_finite, lazy, max_abs
+from rbd.arrays import Array, as_array, as_finite, identity, is_finite, lazy, max_abs, zeros
 from rbd.constraints.difference_kernel import judged
 from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
-from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, NonNegative
@@ -105,16 +104,17 @@ class FunctionConstraint(Displayed):
         if not m:
             none = Free(0) if self.cone is None or self.cone.bilateral else NonNegative(0)
             return Rows(self.name, np.zeros((0, state.robot.nv)), np.zeros(0), none)
-        near = self._near(state, error)
-        turns = self.bias is None and bool(v.any())
+        near, turns = self._near(state, error), self.bias is None
         if self.jacobian is None:
-            J, bias = self._derivatives(near, v if turns else None)
+            J, bias = self._derivatives(near, v if turns else state.robot.zero_v)
         else:
             J = self._jacobians.matrix(m, state.robot.nv, state.q)
-            bias = rate(self._jacobians, state.robot, J, state.q, v) if turns else np.zeros(m)
+            bias = rate(self._jacobians, state, J) if turns else zeros(m)
         if self.bias is not None:
             bias = self._biases.vector(m, state.q, v)
-        return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ v, error)
+        if self.cone is not None:
+            return Rows(self.name, J, bias, self.cone, J @ v, error)
+        return Rows.unchecked(self.name, J, bias, Free(m), J @ v, error, None, None)
 
     def hessian(self, state: State) -> Array:
         """H(q) with J_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
@@ -135,8 +135,8 @@ class FunctionConstraint(Displayed):
             return polarised(lambda v: self._biases.vector(len(error), state.q, v), nv, self.name)
         if self.jacobian is not None:
             J = self._jacobians.matrix(len(error), nv, state.q)
-            return hessian_by_rates(self._jacobians, state.robot, J, state.q)
-        size = _largest(self._derivatives(near, None)[0])
+            return hessian_by_rates(self._jacobians, state, J)
+        size = _largest(self._derivatives(near, state.robot.zero_v)[0])
         return polarised(lambda v: self._second(near, v, size), nv, self.name)
 
     @lazy
@@ -156,16 +156,15 @@ class FunctionConstraint(Displayed):
         if not is_finite(error):
             found = np.array2string(error, threshold=6)
             raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
-        return Neighbourhood(state.robot, lambda at: self._values.many(at, state.q, error), state.q, error)
+        return Neighbourhood(state, lambda at: self._values.many(at, state.q, error), error)
 
-    def _derivatives(self, near: Neighbourhood, v: Array | None) -> tuple[Array, Array]:
-        """(J (m, nv), J_dot v (m,)) by differences; zeros where v is None."""
-        nv, m = near.robot.nv, len(near.middle)
-        unit = identity(nv)
-        if v is None:
-            return near.derivatives(self._values, unit, nv).T, np.zeros(m)
-        found = near.derivatives(self._values, np.concatenate([unit, v[None] / math.sqrt(v @ v)]), nv)
-        return found[:nv].T, found[nv] * (v @ v)
+    def _derivatives(self, near: Neighbourhood, v: Array) -> tuple[Array, Array]:
+        """(J (m, nv), J_dot v (m,)) by differences."""
+        nv, square = len(v), float(v @ v)
+        if not square:
+            return near.derivatives(self._values, identity(nv), nv).T, zeros(len(near.middle))
+        found = near.derivatives(self._values, np.concatenate([identity(nv), v[None] / math.sqrt(square)]), nv)
+        return found[:nv].T, found[nv] * square
 
     def _second(self, near: Neighbourhood, v: Array, size: float) -> Array:
         """J_dot v alone, where J has a size, shape (m,)."""
@@ -229,6 +228,8 @@ class UserFunction:
         """
         out = self._called((q,))
         out, meaning = out[None] if out.ndim == 1 else out, ", one column an entry of v"
+        if out.ndim == 2 and out.shape == (len(out) if m is None else m, nv) and is_finite(out):
+            return out
         return as_finite(f"{self.what} of {self.name!r:.80}", out, ("m" if m is None else m, nv), meaning=meaning)
 
     def many(self, at: Array, q: Array, middle: Array) -> Array:
@@ -263,7 +264,7 @@ class UserFunction:
         if out.dtype != float or out.shape not in ((*shape, k), (*shape[1:], k)) or out.size != k * middle.size:
             return None
         values = np.ascontiguousarray(out.reshape(-1, k).T).reshape(k, *shape)
-        known = (values[0] == middle).all() or float(np.abs(values[0] - middle).max()) <= SAME * _largest(values)
+        known = values[0].tobytes() == middle.tobytes() or _largest(values[0] - middle) <= SAME * _largest(values)
         return values[1:] if known else None
 
     def _one_by_one(self, at: Array, middle: Array) -> Array:
@@ -286,25 +287,28 @@ class UserFunction:
         return as_array(f"{self.what} of {self.name!r:.80}", out)
 
 
-def rate(f: UserFunction, robot: CheckedModel, J: Array, q: Array, v: Array) -> Array:
+def rate(f: UserFunction, state: State, J: Array) -> Array:
     """J_dot v of a matrix J = f(q) along q (+) t v, by differences, shape (m,).
 
     Raises:
         InputError: f has no derivative here.
     """
-    near, length = Neighbourhood(robot, lambda at: f.many(at, q, J) @ v, q, J @ v), math.sqrt(v @ v)
+    q, v = state.q, state.v
+    length = math.sqrt(v @ v)
+    if not length:
+        return zeros(len(J))
+    near = Neighbourhood(state, lambda at: f.many(at, q, J) @ v, J @ v)
     return near.derivatives(f, v[None] / length, 1, max_abs(J.ravel()))[0] * length
 
 
-def hessian_by_rates(f: UserFunction, robot: CheckedModel, J: Array, q: Array) -> Array:
+def hessian_by_rates(f: UserFunction, state: State, J: Array) -> Array:
     """H with J_dot v = v @ H @ v of a matrix J = f(q), from its derivatives along each coordinate of v, shape (m, nv, nv).
 
     Raises:
         InputError: f has no derivative here.
     """
-    near = Neighbourhood(robot, lambda at: f.many(at, q, J), q, J.ravel())
-    rates = near.derivatives(f, identity(robot.nv), robot.nv, _largest(J))
-    H = rates.reshape(robot.nv, *J.shape).transpose(1, 0, 2)
+    nv, near = state.robot.nv, Neighbourhood(state, lambda at: f.many(at, state.q, J), J.ravel())
+    H = near.derivatives(f, identity(nv), nv, _largest(J)).reshape(nv, *J.shape).transpose(1, 0, 2)
     return 0.5 * (H + H.transpose(0, 2, 1))
 
 
@@ -316,18 +320,16 @@ SAME = 1e-12
 
 
 class Neighbourhood(NamedTuple):
-    """The configurations around one, and a function there.
+    """The configurations around that of a state, and a function there.
 
     Attributes:
-        robot: The robot.
+        state: That in the middle.
         f: Values at configurations (k, nq), with k along the first axis.
-        q: The configuration in the middle.
         middle: f(q), shape (m,).
     """
 
-    robot: CheckedModel
+    state: State
     f: Callable[[Array], Array]
-    q: Array
     middle: Array
 
     def derivatives(self, of: UserFunction, along: Array, slopes: int, size: float = 0.0) -> Array:
@@ -342,24 +344,25 @@ class Neighbourhood(NamedTuple):
         Raises:
             InputError: the orders differ by more than `ROUGH` at every step.
         """
-        n, m = len(along), len(self.middle)
-        values, gaps, scales, left, done = np.zeros((n, m)), np.full(n, np.inf), np.ones(n), np.arange(n), 0
+        n, m, robot = len(along), len(self.middle), self.state.robot
+        left, done, found = np.arange(n), 0, np.ones((n, m + 2))
+        found[:, m] = np.inf
         while len(left) and done < len(STEPS):
             steps = STEPS[done : done + (2 if of.takes_columns else 1)]
-            nodes = along[left, None] * _REACH[done : done + len(steps)].reshape(-1, 1)
-            moved = self.f(self.robot.moved(self.q, nodes.reshape(-1, along.shape[1]))).reshape(-1, len(steps), len(NODES), m)
-            left, size = judged(moved, self.middle, steps, left, slopes, size, values, gaps, scales)
+            nodes = (along if len(left) == n else along[left])[:, None] * _REACH[done : done + len(steps)].reshape(-1, 1)
+            moved = self.f(robot.moved(self.state.q, nodes.reshape(-1, robot.nv))).reshape(-1, len(steps), len(NODES), m)
+            left, size = judged(moved, self.middle, steps, left, slopes, size, found)
             done += len(steps)
         if not len(left):
-            return values
-        apart = float((gaps / np.maximum(scales, _largest(values[:slopes]))).max())
+            return found[:, :m]
+        apart = float((found[:, m] / np.maximum(found[:, m + 1], _largest(found[:slopes, :m]))).max())
         if not apart <= ROUGH:
             raise InputError(
                 f"{of.what} of {of.name!r:.80} has no derivative here that differences can find (two orders are apart by "
                 f"{min(apart, 1.0):.1g}, expected {ROUGH:g}): a kink, a jump, noise, or the end of where it is defined? Give "
                 "its derivatives, or another state."
             )
-        return values
+        return found[:, :m]
 
 
 def _largest(x: Array) -> float:

@@ -23,7 +23,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix, lazy
+from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix, lazy, zeros
 from rbd.constraints.function import UserFunction, check_function, hessian_by_rates, rate
 from rbd.constraints.surface import (
     HERE,
@@ -115,11 +115,9 @@ class VelocityConstraint(Displayed):
         m = len(J)
         if self.bias is not None:
             bias = self._biases.vector(m, q, v)
-        elif callable(self.A) and v.any() and m:
-            bias = rate(self._values, state.robot, J, q, v)
         else:
-            bias = np.zeros(m)
-        return Rows(self.name, J, bias, Free(m), J @ v)
+            bias = rate(self._values, state, J) if callable(self.A) and m else zeros(m)
+        return Rows.unchecked(self.name, J, bias, Free(m), J @ v, None, None, None)
 
     def hessian(self, state: State) -> Array:
         """H(q) with A_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
@@ -135,7 +133,7 @@ class VelocityConstraint(Displayed):
             return polarised(lambda v: self._biases.vector(m, q, v), nv, self.name)
         if not callable(self.A) or not m:
             return np.zeros((m, nv, nv))
-        return hessian_by_rates(self._values, state.robot, J, q)
+        return hessian_by_rates(self._values, state, J)
 
     @lazy
     def _values(self) -> UserFunction:

@@ -122,7 +122,7 @@ class Rows(Displayed):
         cone: Cone,
         velocity: Array,
         error: Array | None,
-        resultant: Array,
+        resultant: Array | None,
         patch: Patch | None,
     ) -> Rows:
         """The same without the checks, a third of what two contacts cost: for float arrays that fit by construction."""

@@ -218,7 +218,7 @@ def _act_turned(columns: Columns, motions: Array, X: Array, w: Array, pushes: Ar
     """Add the forces of columns that are not given in their bodies' axes, or act on two bodies."""
     for j in range(len(w)):
         k, base = columns.body[j, 0], columns.body[j, 2]
-        if k < 0 or (columns.body[j, 1] == BODY and base < 0):
+        if k < 0 or (columns.body[j, 1] <= SURFACE and base < 0):
             continue
         F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
         r0, r1, r2 = columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
@@ -270,16 +270,19 @@ def _act(
     turned = False
     for j in range(len(w)):
         k = columns.body[j, 0]
-        if k < 0 or columns.body[j, 1] != BODY or columns.body[j, 2] >= 0:
+        if k < 0 or columns.body[j, 1] > SURFACE or columns.body[j, 2] >= 0:
             turned = turned or k >= 0
             continue
-        F, m, r = columns.force[j], columns.moment[j], columns.arm[j]
-        for a in range(3):
-            pushes[k, a] += w[j] * F[a]
-            pushes[k, 3 + a] += w[j] * m[a]
-        pushes[k, 3] += w[j] * (r[1] * F[2] - r[2] * F[1])
-        pushes[k, 4] += w[j] * (r[2] * F[0] - r[0] * F[2])
-        pushes[k, 5] += w[j] * (r[0] * F[1] - r[1] * F[0])
+        F0, F1, F2 = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2]
+        if columns.body[j, 1] == SURFACE:
+            F0, F1, F2 = _to_body(X[k], F0, F1, F2)
+        r0, r1, r2 = columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
+        pushes[k, 0] += w[j] * F0
+        pushes[k, 1] += w[j] * F1
+        pushes[k, 2] += w[j] * F2
+        pushes[k, 3] += w[j] * columns.moment[j, 0] + w[j] * (r1 * F2 - r2 * F1)
+        pushes[k, 4] += w[j] * columns.moment[j, 1] + w[j] * (r2 * F0 - r0 * F2)
+        pushes[k, 5] += w[j] * columns.moment[j, 2] + w[j] * (r0 * F1 - r1 * F0)
     if turned:
         _act_turned(columns, motions, X, w, pushes)
     for i in range(len(units)):
@@ -299,15 +302,15 @@ def _motion_at(
     columns: Columns, j: int, X: Array, twists: Array, lifts: Array, fall: Array
 ) -> tuple[float, float, float, float, float, float]:
     """Velocity and acceleration of a column's point, in its joint's axes."""
-    k, r = columns.body[j, 0], columns.arm[j]
+    k, r0, r1, r2 = columns.body[j, 0], columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
     V, A = twists[k], lifts[k]
-    s0 = V[0] + V[4] * r[2] - V[5] * r[1]
-    s1 = V[1] + V[5] * r[0] - V[3] * r[2]
-    s2 = V[2] + V[3] * r[1] - V[4] * r[0]
+    s0 = V[0] + V[4] * r2 - V[5] * r1
+    s1 = V[1] + V[5] * r0 - V[3] * r2
+    s2 = V[2] + V[3] * r1 - V[4] * r0
     g0, g1, g2 = _to_body(X[k], fall[0], fall[1], fall[2])
-    g0 += A[0] + A[4] * r[2] - A[5] * r[1] + V[4] * s2 - V[5] * s1
-    g1 += A[1] + A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
-    g2 += A[2] + A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
+    g0 += A[0] + A[4] * r2 - A[5] * r1 + V[4] * s2 - V[5] * s1
+    g1 += A[1] + A[5] * r0 - A[3] * r2 + V[5] * s0 - V[3] * s2
+    g2 += A[2] + A[3] * r1 - A[4] * r0 + V[3] * s1 - V[4] * s0
     return s0, s1, s2, g0, g1, g2
 
 
@@ -320,7 +323,7 @@ def _moves_turned(
     W = surface[1]
     for j in range(len(u)):
         k, axes, base = columns.body[j, 0], columns.body[j, 1], columns.body[j, 2]
-        if k < 0 or (axes == BODY and base < 0):
+        if k < 0 or (axes <= SURFACE and base < 0):
             continue
         F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
         V, A = twists[k], lifts[k]
@@ -416,13 +419,16 @@ def _judged(
     turned = False
     for j in range(p):
         k = columns.body[j, 0]
-        if k < 0 or columns.body[j, 1] != BODY or columns.body[j, 2] >= 0:
+        if k < 0 or columns.body[j, 1] > SURFACE or columns.body[j, 2] >= 0:
             turned = turned or k >= 0
             continue
-        F, m, V, A = columns.force[j], columns.moment[j], twists[k], lifts[k]
+        F0, F1, F2 = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2]
+        if columns.body[j, 1] == SURFACE:
+            F0, F1, F2 = _to_body(X[k], F0, F1, F2)
+        m0, m1, m2 = columns.moment[j, 0], columns.moment[j, 1], columns.moment[j, 2]
         s0, s1, s2, g0, g1, g2 = _motion_at(columns, j, X, twists, lifts, fall)
-        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + (m[0] * V[3] + m[1] * V[4] + m[2] * V[5])
-        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + (m[0] * A[3] + m[1] * A[4] + m[2] * A[5])
+        u[j] = F0 * s0 + F1 * s1 + F2 * s2 + (m0 * twists[k, 3] + m1 * twists[k, 4] + m2 * twists[k, 5])
+        y[j] = F0 * g0 + F1 * g1 + F2 * g2 + (m0 * lifts[k, 3] + m1 * lifts[k, 4] + m2 * lifts[k, 5])
     if turned:
         misses[4] = _moves_turned(columns, motions, X, twists, lifts, fall, u, y)
     for j in range(p):

@@ -125,7 +125,7 @@ class Plan(Workspaces):
     def __init__(self, robot: CheckedModel, sources: Sequence[Source]) -> None:
         self._robot, self.sources = robot, sources
         self.force_set = at_rest(*[source.cone for source in sources])
-        self.bilateral = self.force_set.bilateral
+        self.bilateral, self._of_points = self.force_set.bilateral, np.array_equal(self.force_set.G, np.eye(self.force_set.size))
         self._kernel = law_kernel()
         self._per_inertia, self._fall = 1.0 / robot.least_inertia, np.array(robot.model.gravity.linear)
         self._place([column for source in sources for column in source.columns])
@@ -236,7 +236,7 @@ class Plan(Workspaces):
             self.put_back(space)
         if not worst <= DOUBTFUL:
             return None
-        w, forces = found.w, self.force_set.G.dot(found.w)
+        w, forces = found.w, found.w.copy() if self._of_points else self.force_set.G.dot(found.w)
         moving, openings = _NOT_MOVING, _NOT_OPEN
         if found.u.dot(found.u) > rest_speed * rest_speed:
             moving, openings = self._moving(found.u, rest_speed), self._openings(found.modes, found.u)

@@ -110,18 +110,18 @@ def _edge(columns: Columns, j: int, R: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def _turned(columns: Columns, j: int, R: Array, F: Array) -> None:
-    """Write the force, or an edge's moment, of a column in axes of the body, R of these in the surface."""
-    given, axes = columns.force[j], columns.body[j, 1]
-    if axes >= EDGE:
-        y, z = _edge(columns, j, R)
-        for a in range(3):
-            F[a] = given[0] * columns.along[j, a] + given[1] * y[a] + given[2] * z[a]
-        return
-    for a in range(3):
-        F[a] = given[a]
-        if axes == SURFACE:
-            F[a] = R[0, a] * given[0] + R[1, a] * given[1] + R[2, a] * given[2]
+def _turned(columns: Columns, j: int, R: Array) -> tuple[float, float, float]:
+    """The force, or an edge's moment, of a column in axes of the body, of those of the surface; R of these in the surface."""
+    x, y, z = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2]
+    if columns.body[j, 1] == SURFACE:
+        return (
+            R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+            R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+            R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+        )
+    A, B = _edge(columns, j, R)
+    C = columns.along[j]
+    return x * C[0] + y * A[0] + z * B[0], x * C[1] + y * A[1] + z * B[1], x * C[2] + y * A[2] + z * B[2]
 
 
 @compiled
@@ -156,26 +156,23 @@ def _felt(columns: Columns, sites: Array, places: Array, X: Array, twists: Array
 
     That is F . w x (w x r); of an edge's moment e, (w . x)(w . e x x): that of the direction x (LineContact's rows).
     """
-    R, F, w = np.empty((3, 3)), np.empty(3), np.empty(3)
-    last = -1
+    R, w, last = np.empty((3, 3)), np.empty(3), -1
     for j in range(len(offset)):
         k, axes, width = columns.body[j, 0], columns.body[j, 1], columns.body[j, 3]
-        offset[j] = 0.0
+        F0, F1, F2, offset[j] = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2], 0.0
         if k < 0:
-            felt[j, 0] = columns.force[j, 0]
+            felt[j, 0] = F0
             continue
         if axes == ROWS:
-            felt[j, int(columns.force[j, 0])] = 1.0
+            felt[j, int(F0)] = 1.0
             continue
         if k != last:
             last = k
             _placed(sites[k], places[k], X, twists, R, w)
-        if axes == BODY:
-            F[0], F[1], F[2] = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2]
-        else:
-            _turned(columns, j, R, F)
+        if axes != BODY:
+            F0, F1, F2 = _turned(columns, j, R)
         if axes == EDGE_MOMENT:
-            x, turns, across = columns.along[j], 0.0, 0.0
+            F, x, turns, across = (F0, F1, F2), columns.along[j], 0.0, 0.0
             for a in range(3):
                 b, c = (a + 1) % 3, (a + 2) % 3
                 turns, across = turns + w[a] * x[a], across + w[a] * (F[b] * x[c] - F[c] * x[b])
@@ -183,21 +180,18 @@ def _felt(columns: Columns, sites: Array, places: Array, X: Array, twists: Array
                     felt[j, 3 + a] = F[a]
             offset[j] = turns * across
             continue
-        r, m = columns.arm[j], columns.moment[j]
-        felt[j, 0], felt[j, 1], felt[j, 2] = F[0], F[1], F[2]
+        r0, r1, r2 = columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
+        felt[j, 0], felt[j, 1], felt[j, 2] = F0, F1, F2
         if width > 3:
             own = 0.0 if axes == EDGE else 1.0
-            felt[j, 3] = own * m[0] + r[1] * F[2] - r[2] * F[1]
-            felt[j, 4] = own * m[1] + r[2] * F[0] - r[0] * F[2]
+            felt[j, 3] = own * columns.moment[j, 0] + r1 * F2 - r2 * F1
+            felt[j, 4] = own * columns.moment[j, 1] + r2 * F0 - r0 * F2
             if width > 5:
-                felt[j, 5] = own * m[2] + r[0] * F[1] - r[1] * F[0]
-        along, turns, square = 0.0, 0.0, 0.0
-        for a in range(3):
-            along += w[a] * F[a]
-            turns += w[a] * r[a]
-            square += w[a] * w[a]
+                felt[j, 5] = own * columns.moment[j, 2] + r0 * F1 - r1 * F0
+        square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
         if square > 0.0:
-            offset[j] = along * turns - square * (F[0] * r[0] + F[1] * r[1] + F[2] * r[2])
+            along, turns = w[0] * F0 + w[1] * F1 + w[2] * F2, w[0] * r0 + w[1] * r1 + w[2] * r2
+            offset[j] = along * turns - square * (F0 * r0 + F1 * r1 + F2 * r2)
 
 
 @compiled
@@ -242,15 +236,16 @@ def _least(
 ) -> None:  # fmt: skip
     """Write weights of least norm, w = share f, of orthonormal three turned into their axes."""
     product(share, f, w)
-    R, F, own, turns = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    R, turns, last = np.empty((3, 3)), np.empty(3), -1
     for j in range(len(w)):
         if columns.body[j, 4]:
-            k = columns.body[j, 0]
-            _placed(sites[k], places[k], X, twists, R, turns)
-            own[0], own[1], own[2] = w[j], w[j + 1], w[j + 2]
+            k, w0, w1, w2 = columns.body[j, 0], w[j], w[j + 1], w[j + 2]
+            if k != last:
+                last = k
+                _placed(sites[k], places[k], X, twists, R, turns)
             for e in range(j, j + 3):
-                _turned(columns, e, R, F)
-                w[e] = F[0] * own[0] + F[1] * own[1] + F[2] * own[2]
+                F0, F1, F2 = _turned(columns, e, R)
+                w[e] = F0 * w0 + F1 * w1 + F2 * w2
 
 
 @compiled
