@@ -190,7 +190,11 @@ def _type(kind: Any) -> Any:
 def _dispatcher(kernel: Kernel) -> Any:
     import numba
 
-    made: Any = numba.njit(error_model="numpy", no_cfunc_wrapper=True)(kernel.function)
+    # A private one without a signature is called by kernels alone, and need not be callable from Python.
+    made: Any = numba.njit(  # type: ignore[call-overload]
+        kernel.function, error_model="numpy", no_cfunc_wrapper=True,
+        no_cpython_wrapper=kernel.types is None and kernel.function.__name__.startswith("_"),
+    )  # fmt: skip
     try:
         made._cache = _store()(kernel)
     except RuntimeError as error:
@@ -284,7 +288,7 @@ def _listen() -> None:
 
 def _tell() -> None:
     _Process.told = True
-    once = "once on this machine, about a minute; `rbd warm-up` does it ahead"
-    always = "about a minute in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
+    once = "once on this machine, one to two minutes; `rbd warm-up` does it ahead"
+    always = "one to two minutes in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
     if sys.stderr is not None:
         sys.stderr.write(f"rbd: compiling, {once if _Process.kept else always}.\n")

@@ -134,7 +134,7 @@ def test_compiling_is_told_once_and_kept(sums):
     """One line on stderr, and `rbd warm-up` in it; the next process says nothing."""
     out, told = python(SUM, sums, RBD_COMPILED="1")
     assert out.split() == ["7.0", "1"]
-    assert re.fullmatch(r"rbd: compiling, once on this machine, about a minute; `rbd warm-up` does it ahead\.\n", told)
+    assert re.fullmatch(r"rbd: compiling, once on this machine, one to two minutes; `rbd warm-up` does it ahead\.\n", told)
     assert list((sums / "__pycache__").glob("*.nbc"))
     assert python(SUM, sums, RBD_COMPILED="1") == (out, "")
 

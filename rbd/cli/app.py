@@ -275,7 +275,7 @@ def plane(
 
 @app.command("warm-up")
 def warm_up() -> None:
-    """Compile ahead, once for this machine, what the first processes would else pause for: about a minute.
+    """Compile ahead, once for this machine, what the first processes would else pause for: one to two minutes.
 
     It is kept beside the package, else in the user's cache, or in the folder that NUMBA_CACHE_DIR names.
     """

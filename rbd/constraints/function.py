@@ -353,9 +353,7 @@ class Neighbourhood(NamedTuple):
             moved = self.f(robot.moved(self.state.q, nodes.reshape(-1, robot.nv))).reshape(-1, len(steps), len(NODES), m)
             left, size = judged(moved, self.middle, steps, left, slopes, size, found)
             done += len(steps)
-        if not len(left):
-            return found[:, :m]
-        apart = float((found[:, m] / np.maximum(found[:, m + 1], _largest(found[:slopes, :m]))).max())
+        apart = float((found[:, m] / np.maximum(found[:, m + 1], _largest(found[:slopes, :m]))).max()) if len(left) else 0.0
         if not apart <= ROUGH:
             raise InputError(
                 f"{of.what} of {of.name!r:.80} has no derivative here that differences can find (two orders are apart by "

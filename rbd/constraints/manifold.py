@@ -66,20 +66,16 @@ class StackedRows:
         if isinstance(rows, LoopRows):
             self.J, self.offset, self.velocity, self.error, self.placed = rows.J, rows.bias, rows.velocity, rows.error, None
             return
-        carried = carried or [False] * len(rows)
         self.J = np.concatenate([np.zeros((0, len(state.v))), *[r.J for r in rows]])
         self.offset = self.bias
         self.velocity = np.concatenate([zeros(0), *[velocity_of(r, state) for r in rows]])
         if any([r.stabilised for r in rows]):
             self.offset = self.offset + np.concatenate([r.feedback for r in rows])
-        masks = [_placed(r, state, c) for r, c in zip(rows, carried, strict=True)]
-        if all([mask is None for mask in masks]):
-            self.placed = None
-            self.error = np.concatenate([zeros(0), *[r.error for r in rows]])
-        else:
-            self.placed = np.concatenate([np.ones(len(r), bool) if p is None else p for r, p in zip(rows, masks, strict=True)])
-            errors = np.concatenate([zeros(len(r)) if r.error is None else r.error for r in rows])
-            self.error = np.where(self.placed, errors, 0.0)
+        masks = [_placed(r, state, c) for r, c in zip(rows, carried or [False] * len(rows), strict=True)]
+        parts = [np.ones(len(r), bool) if p is None else p for r, p in zip(rows, masks, strict=True)]
+        self.placed = None if all([mask is None for mask in masks]) else np.concatenate(parts)
+        errors = np.concatenate([zeros(0), *[zeros(len(r)) if r.error is None else r.error for r in rows]])
+        self.error = errors if self.placed is None else np.where(self.placed, errors, 0.0)
 
     def elsewhere(self, q: Array, v: Array) -> StackedRows:
         """The same constraints at another state."""

@@ -146,15 +146,10 @@ class _Decomposed:
     norms: Array
 
     @lazy
-    def least(self) -> float:
-        """The least pivot of `factor`, over the rows' norms; zero where there is none."""
-        R = self.held.cholesky
-        return 0.0 if R is None else float((R.diagonal() / self.norms).min())
-
-    @property
     def factor(self) -> Array | None:
         """Upper R with R^T R = W^T W, or None if the rows are not well conditioned."""
-        return self.held.cholesky if self.least > INDEPENDENT else None
+        R = self.held.cholesky
+        return R if R is not None and (R.diagonal() > INDEPENDENT * self.norms).all() else None
 
     @lazy
     def apart(self) -> tuple[Array, Array, Array]:
@@ -277,10 +272,10 @@ class StageSolver:
 
     def spread(self, held: StackedRows) -> float:
         """Least nonzero singular value over the largest; for independent rows an upper bound."""
-        made = self._decomposed(held)
-        if made.least > INDEPENDENT:
-            return made.least
-        _, s, _ = made.apart
+        R = self._decomposed(held).factor
+        if R is not None:
+            return float((R.diagonal() / self._norms).min())
+        _, s, _ = self._decomposed(held).apart
         kept = s[: self._kept(s, held)]
         return float(kept[-1] / kept[0]) if len(kept) else 1.0
 

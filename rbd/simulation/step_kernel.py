@@ -229,8 +229,9 @@ def _by_newton(given: Problem, parts: Array, guess: Array, coulomb: bool, f: Arr
     for i in parts:
         w[3 * i : 3 * i + 3] = guess[3 * i : 3 * i + 3] / (unit[i] * rate)
     problem = Problem(
-        given.D, given.c, columns, columns, offset / rate, given.first, given.width, given.lower, given.upper, given.mu
-    )
+        given.D, given.c, columns, columns, offset / rate, given.first, given.width, given.lower, given.upper,
+        given.mu.copy(),
+    )  # fmt: skip
     room, none, exact, merit = room_of(problem), np.zeros(len(f)), max(ENOUGH, ROUNDING / rate), math.inf
     soft = np.zeros(len(unit))
     for attempt in range(3):

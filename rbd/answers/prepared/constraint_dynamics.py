@@ -125,7 +125,8 @@ class Plan(Workspaces):
     def __init__(self, robot: CheckedModel, sources: Sequence[Source]) -> None:
         self._robot, self.sources = robot, sources
         self.force_set = at_rest(*[source.cone for source in sources])
-        self.bilateral, self._of_points = self.force_set.bilateral, np.array_equal(self.force_set.G, np.eye(self.force_set.size))
+        self.bilateral, G = self.force_set.bilateral, self.force_set.G
+        self._of_points = G.shape[0] == G.shape[1] and bool((G == np.eye(len(G))).all())
         self._kernel = law_kernel()
         self._per_inertia, self._fall = 1.0 / robot.least_inertia, np.array(robot.model.gravity.linear)
         self._place([column for source in sources for column in source.columns])
