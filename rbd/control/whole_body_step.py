@@ -169,11 +169,11 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
         offset, feedback = offset - eased.contacts, feedback - eased.contacts
         lowest, highest = lowest - eased.joints, highest + eased.joints
     w, tau, load = np.empty(p), np.empty(robot.nu), np.empty(robot.nv)
-    balance, moved, cones, excess, passed, share = step_kernel().judged(
+    balance, moved, cones, excess, passed, share = map(float, step_kernel().judged(
         state.M.T, still.need, still.J, offset, still.per_weight, unit, robot.unactuated, robot.actuated, point.x, conic.lower,
         conic.upper, sets.push, *_pyramids(sets), *problem.torques, problem.limits.torques(robot), problem.limited, lowest,
         highest, w, tau, load,
-    )  # fmt: skip
+    ))  # fmt: skip
     moves, forces = max(1.0, max_abs(a), max_abs(conic.b)), max(unit, max_abs(load), max_abs(w))
     scaled = (balance / forces, moved / moves, cones / forces, share, passed / moves, optimality)
     return filled(
