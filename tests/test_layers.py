@@ -157,6 +157,21 @@ def test_only_one_file_calls_the_optimisers():
     assert users == {"problem.programs", "mechanism.continuation", "simulation.events", "testing.solver_check"}
 
 
+def test_private_kernels_are_called_by_kernels_alone():
+    """They have no wrapper for Python: such a call would end the process."""
+    found = []
+    for module, path in MODULES.items():
+        if path.stem.endswith("_kernel"):
+            continue
+        for node in ast.walk(parsed(module)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").endswith("_kernel"):
+                found += [(module, each.name) for each in node.names if each.name.startswith("_")]
+            if isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.startswith("__"):
+                if ast.unparse(node.value).removesuffix("()").endswith("kernel"):
+                    found.append((module, node.attr))
+    assert found == []
+
+
 def test_the_algebra_knows_no_pinocchio():
     """Problems, answers and solvers are arrays; one file asks Pinocchio's ADMM, one differentiates states."""
     algebra = ("errors.", "arrays", "problem.", "solvers.", "answers.analysis.", "answers.solution")
