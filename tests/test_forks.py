@@ -135,7 +135,7 @@ def test_a_child_draws_while_a_thread_of_the_parent_draws(talos: rbd.Robot):
             scene.show(talos.at(state.q))
             scene.close()
 
-        with held(scene._recorder._lock):
+        with held(scene.recorder._lock):
             assert forked(work) == 0
         scene.show(state)
 

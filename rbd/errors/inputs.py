@@ -259,7 +259,7 @@ def check_choice(what: str, value: object, known: Iterable[str]) -> str:
     return value
 
 
-def check_known(what: str, name: object, known: Iterable[str], kind: type[UnknownName] = UnknownName) -> None:
+def check_known(what: str, name: object, known: Iterable[str], kind: type[InputError] = UnknownName) -> None:
     """Refuse a name that is none of some.
 
     Args:
@@ -269,7 +269,7 @@ def check_known(what: str, name: object, known: Iterable[str], kind: type[Unknow
         kind: The error.
 
     Raises:
-        UnknownName: with the nearest names.
+        InputError: `kind`, with the nearest names.
     """
     known = list(known)
     if not (isinstance(name, str) and name in known):

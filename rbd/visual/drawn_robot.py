@@ -121,13 +121,9 @@ def _shared(poses: Sequence[Sequence[PlacedPart]]) -> list[tuple[PlacedPart, int
         return []
     kinds = np.array([_signature(it.part.mesh, it.X_WG) for _, it in every])
     size = float(np.ptp(kinds[:, :3], axis=0).max()) + float(np.abs(kinds[:, 3:]).max()) or 1.0
-    out = []
-    for (k, it), kind in zip(every, kinds, strict=True):
-        there = np.flatnonzero(np.abs(kinds - kind).max(axis=1) < SAME * size)
-        sharing = sorted({every[j][0] for j in there})
-        if len(sharing) > 1:
-            out.append((it, sharing.index(k), len(sharing)))
-    return out
+    near = [np.flatnonzero(np.abs(kinds - kind).max(axis=1) < SAME * size) for kind in kinds]
+    sharing = [sorted({every[j][0] for j in there}) for there in near]
+    return [(it, poses.index(k), len(poses)) for (k, it), poses in zip(every, sharing, strict=True) if len(poses) > 1]
 
 
 def _signature(mesh: Mesh, X_WG: pin.SE3) -> Array:
@@ -191,17 +187,14 @@ def pose_colors(n: int, taken: Iterable[str]) -> list[str]:
         taken: '#rrggbb' of what else is in the picture.
     """
     seen = [np.array(rgb(color)) for color in set(taken)]
-    out: list[str] = []
-    spare: list[str] = []
-    for color in [*POSE_COLORS, *distinct_colors(n + 40)]:
+    every, out = [*POSE_COLORS, *distinct_colors(n + 40)], list[str]()
+    for color in every:
         parts = np.array(rgb(color))
         near = min((float(np.linalg.norm(parts - other)) for other in seen), default=1.0) < APART
-        if near or np.ptp(parts) < APART:
-            spare.append(color)
-        else:
+        if not near and np.ptp(parts) >= APART:
             out.append(color)
             seen.append(parts)
-    return list(dict.fromkeys(out + spare))[:n]
+    return list(dict.fromkeys(out + every))[:n]
 
 
 class DrawnRobot:
@@ -295,8 +288,6 @@ class DrawnRobot:
         return pieces + [(f"collision/{i}", shape.part) for i, shape in enumerate(collision_parts(self._robot))]
 
     def _extremes(self, data: pin.Data) -> Array:
-        points = [np.zeros((0, 3))]
-        for part in self._parts or ():
-            X_WG = data.oMi[part.joint] * part.placement
-            points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
-        return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
+        placed = [(part.mesh, data.oMi[part.joint] * part.placement) for part in self._parts or ()]
+        points = [mesh.placed(X_WG.rotation, X_WG.translation).vertices for mesh, X_WG in placed]
+        return outermost(np.vstack(points)) if points else np.zeros((1, 3))

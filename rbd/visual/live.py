@@ -8,13 +8,14 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, TypeAlias
 
 from rbd.arrays import as_float
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
+from rbd.errors.inputs import check_kind
 from rbd.model.data_pool import renewed_after_fork
+from rbd.visual.pages.browser import Closing
 from rbd.visual.scene import Scene
 from rbd.visual.shapes import round_number
 
@@ -74,12 +75,7 @@ class Slider(Displayed):
 
     def read(self, given: object) -> float | None:
         """A value from outside, cut at the bounds; None for what is no number."""
-        if isinstance(given, bool) or not isinstance(given, int | float):
-            return None
-        try:
-            number = float(given)
-        except OverflowError:
-            return None
+        number = as_float(given)
         return None if math.isnan(number) else min(max(number, self.low), self.high)
 
     def data(self) -> dict[str, object]:
@@ -239,12 +235,10 @@ class Verdict(Displayed):
     def __post_init__(self) -> None:
         """Check."""
         given: Any = self.lines
-        if not isinstance(self.title, str):
-            raise InputError(f"the title of a verdict is {self.title!r:.80}; expected text.")
+        check_kind("the title of a verdict", self.title, str, "text")
         if not isinstance(given, list | tuple) or not all(isinstance(line, str) for line in given):
             raise InputError(f"the lines of a verdict are {given!r:.80}; expected texts in a list.")
-        if not (self.good is None or isinstance(self.good, bool)):
-            raise InputError(f"good is {self.good!r:.80}; expected True, False or None.")
+        check_kind("good", self.good, bool | None, "True, False or None")
         object.__setattr__(self, "lines", tuple(given))
 
     def data(self) -> dict[str, object]:
@@ -256,7 +250,7 @@ Values: TypeAlias = Mapping[str, Any]
 Answered: TypeAlias = Verdict | Iterator[Verdict | None] | None
 
 
-class Explorer(Displayed):
+class Explorer(Displayed, Closing):
     """A scene with sliders: made by `explore`. Use it as a context, or close it; the scene stays open.
 
     Args:
@@ -277,9 +271,9 @@ class Explorer(Displayed):
         self._news = threading.Condition()
         self._asked: tuple[int, int] | None = None
         self._busy = self._closed = False
-        self._verdict: Verdict | None = None
+        self.verdict: Verdict | None = None
+        """What the last answer said."""
         self._said = ""
-        self._renew()
         for _ in self._steps(dict(self._values), _OURSELVES):  # an answer that fails now is the caller's error
             pass
         listed = [control.data() for control in controls.values()]
@@ -295,11 +289,6 @@ class Explorer(Displayed):
         """{control: its value}, as it is now set."""
         with self._news:
             return dict(self._values)
-
-    @property
-    def verdict(self) -> Verdict | None:
-        """What the last answer said."""
-        return self._verdict
 
     @property
     def url(self) -> str:
@@ -322,8 +311,7 @@ class Explorer(Displayed):
         for name, given in values.items():
             if name not in self._controls:
                 raise InputError(f"there is no control {name!r:.80}; expected {', '.join(self._controls)}.")
-            value = self._controls[name].read(given)
-            if value is None:
+            if (value := self._controls[name].read(given)) is None:
                 raise InputError(f"{name} is {given!r:.80}; expected a value that the page could set.")
             read[name] = value
         self._ask(Request(read, _OURSELVES))
@@ -344,17 +332,7 @@ class Explorer(Displayed):
 
     def renew_after_fork(self) -> None:
         """In a forked child: the thread that answers stays with the parent."""
-        self._renew()
-        self._closed = True
-
-    def __enter__(self) -> Explorer:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-    def _renew(self) -> None:
-        self._news = threading.Condition()
+        self._news, self._closed = threading.Condition(), True
 
     def _receive(self, message: str) -> None:
         if (request := read_request(message, self._controls)) is not None:
@@ -395,13 +373,12 @@ class Explorer(Displayed):
         found = self._answer(values)
         steps: Iterable[Verdict | None] = found if isinstance(found, Iterator) else (found,)
         for verdict in steps:
-            if verdict is not None and not isinstance(verdict, Verdict):
-                raise InputError(f"the answer is {verdict!r:.80}; expected a rbd.visual.Verdict, or None.")
+            check_kind("the answer", verdict, Verdict | None, "a rbd.visual.Verdict, or None")
             self._tell(values, asked, verdict, 1e3 * (time.perf_counter() - started))
             yield
 
     def _tell(self, values: Values, asked: tuple[int, int], verdict: Verdict | None, took_ms: float = 0.0) -> None:
-        self._verdict = verdict
+        self.verdict = verdict
         said = None if verdict is None else verdict.data()
         answer = {"values": dict(values), "asked": asked, "verdict": said, "ms": round(took_ms, 2)}
         self._said = json.dumps({"answer": answer})
@@ -442,8 +419,7 @@ def explore(scene: Scene, controls: Iterable[Control] | Control, answer: Callabl
         ...         print(page.wait(), page.values, page.verdict.title)
         True {'wind': 4.0} Holds with 0.78 N m
     """
-    if not isinstance(scene, Scene):
-        raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene.")
+    check_kind("scene", scene, Scene, "a rbd.visual.Scene")
     if not callable(answer):
         raise InputError(f"answer is {answer!r:.80}; expected a function of the controls' values.")
     return Explorer(scene, checked_controls(controls), answer)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import as_float, check_positive, check_whole
+from rbd.arrays import check_positive, check_whole
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.mechanism.small_motion.linearised import Linearised
 from rbd.mechanism.small_motion.modes import Mode
 from rbd.motion.reference_motion import Motion
@@ -51,8 +52,7 @@ def mode_scene(mode: Mode, *, amplitude: float = AMPLITUDE, **options: Any) -> S
         >>> print(scene.export("mode.html").name)
         mode.html
     """
-    size = check_positive("amplitude", amplitude, 1e3)
-    _check_shape(mode)
+    size = _drawn_size(mode, amplitude)
     turned = "a quarter later" if np.iscomplexobj(mode.dq) else "the other way"
     later = -1j if np.iscomplexobj(mode.dq) else -1.0
     poses = {mode.title: mode.pose(size), turned: mode.pose(size * later)}
@@ -84,8 +84,7 @@ def export_mode(mode: Mode, path: str | PathLike[str], *, amplitude: float = AMP
         >>> print(rbd.visual.export_mode(found.linearised.modes()[0], "swing.html").name)
         swing.html
     """
-    size = check_positive("amplitude", amplitude, 1e3)
-    _check_shape(mode)
+    size = _drawn_size(mode, amplitude)
     period = 1.0 / mode.frequency if mode.frequency else 1.0
     phases = np.linspace(0.0, 2.0 * math.pi, FRAMES + 1)
     q = np.array([mode.pose(size * np.exp(1j * phase)).q for phase in phases])
@@ -117,16 +116,15 @@ def plot_mode(ax: Axes, mode: Mode, *, most: int = 10) -> list[Artist]:
         3
     """
     an_axis(ax)
-    _check(mode)
+    check_kind("mode", mode, Mode, "one of rbd.linearise(...).modes()")
     names = list(mode.shares)[: check_whole("most", most)]
     joints = mode.state.robot.joints
     every = [c.name for c in joints.velocities]
     shape = (mode.dv if mode.of_velocity else mode.dq) / joints.scale
     values = [complex(shape[every.index(name)]) for name in names]
-    color = _COLORS["grows" if mode.grows else "decays" if mode.decays else "neutral"]
     places = np.arange(len(names))[::-1]
     signed = [value.real if not np.iscomplexobj(shape) else abs(value) for value in values]
-    artists: list[Artist] = list(ax.barh(places, signed, color=color, height=0.6))
+    artists: list[Artist] = list(ax.barh(places, signed, color=_color_of(mode), height=0.6))
     if np.iscomplexobj(shape):
         for place, value in zip(places, values, strict=True):
             said = f"  {round(math.degrees(math.atan2(value.imag, value.real)))} deg"
@@ -134,7 +132,7 @@ def plot_mode(ax: Axes, mode: Mode, *, most: int = 10) -> list[Artist]:
         ax.margins(x=0.3)
     ax.axvline(0.0, color="black", lw=0.6)
     ax.set_yticks(places, names)
-    ax.set_xlabel("rate, of the largest" if mode.of_velocity else "shape, of the largest [rad, robot's lengths]")
+    ax.set(xlabel="rate, of the largest" if mode.of_velocity else "shape, of the largest [rad, robot's lengths]")
     ax.set_title(f"{mode.eigenvalue.real:+.3g} {mode.eigenvalue.imag:+.3g} i 1/s: {mode.words}", fontsize=9)
     return artists
 
@@ -160,25 +158,25 @@ def plot_eigenvalues(ax: Axes, linearised: Linearised) -> list[Artist]:
         2
     """
     an_axis(ax)
-    if not isinstance(linearised, Linearised):
-        raise InputError(f"linearised is {linearised!r:.80}; expected what rbd.linearise returned.")
+    check_kind("linearised", linearised, Linearised, "what rbd.linearise returned")
     artists: list[Artist] = []
     for mode in linearised.modes():
-        color = _COLORS["grows" if mode.grows else "decays" if mode.decays else "neutral"]
         value = mode.eigenvalue
         both = [value.imag, -value.imag] if mode.frequency else [0.0]
-        artists += ax.plot([value.real] * len(both), both, "o", color=color, ms=5)
+        artists += ax.plot([value.real] * len(both), both, "o", color=_color_of(mode), ms=5)
     ax.axvline(0.0, color="black", lw=0.6)
     ax.set(xlabel="real part [1/s]", ylabel="imaginary part [1/s]")
     return artists
 
 
-def _check(mode: Mode) -> None:
-    if not isinstance(mode, Mode):
-        raise InputError(f"mode is {mode!r:.80}; expected one of rbd.linearise(...).modes().")
+def _color_of(mode: Mode) -> str:
+    return _COLORS["grows" if mode.grows else "decays" if mode.decays else "neutral"]
 
 
-def _check_shape(mode: Mode) -> None:
-    _check(mode)
-    if mode.of_velocity or not math.isfinite(as_float(float(np.abs(mode.dq).max(initial=0.0)))):
+def _drawn_size(mode: Mode, amplitude: float) -> float:
+    """The amplitude of the drawing of a mode, both checked."""
+    size = check_positive("amplitude", amplitude, 1e3)
+    check_kind("mode", mode, Mode, "one of rbd.linearise(...).modes()")
+    if mode.of_velocity or not np.isfinite(mode.dq).all():
         raise InputError(f"the mode {mode.title!r:.80} changes velocities alone: it has no poses to draw.")
+    return size

@@ -78,8 +78,7 @@ def split(data: bytes) -> tuple[str, bytes]:
 
 def in_order(mesh: Mesh) -> Mesh:
     """The same triangles with the vertices numbered as the triangles first use them, and none that no triangle uses."""
-    corners = mesh.faces.ravel()
-    used, first, place = np.unique(corners, return_index=True, return_inverse=True)
+    used, first, place = np.unique(mesh.faces.ravel(), return_index=True, return_inverse=True)
     order = np.argsort(first)
     number = np.empty(len(used), int)
     number[order] = np.arange(len(used))

@@ -145,11 +145,10 @@ def frames(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce], 
         kind = robot.model.joints[joint].shortname().removeprefix("JointModel")
         lines = [f"frame of the joint ({kind})", "x red, y green, z blue"]
         listed.append({"name": robot.model.names[joint], "lines": lines, "at": _pose(data.oMi[joint]), "joint": joint})
-    for contact in contacts:
-        assert contact.patch is not None
-        pose = pin.SE3(np.array(contact.patch.axes), np.array(contact.patch.point))
-        lines = ["frame of the contact", "x red, y green, z (normal) blue"]
-        listed.append({"name": contact.name, "lines": lines, "at": _pose(pose), "joint": 0})
+    lines = ["frame of the contact", "x red, y green, z (normal) blue"]
+    patches = {contact.name: contact.patch for contact in contacts if contact.patch is not None}
+    poses = {name: pin.SE3(np.array(patch.axes), np.array(patch.point)) for name, patch in patches.items()}
+    listed += [{"name": name, "lines": lines, "at": _pose(X), "joint": 0} for name, X in poses.items()]
     return json.dumps({"frames": {"length": float(f"{FRAME_LENGTH * size:.4g}"), "listed": listed}})
 
 
@@ -162,9 +161,7 @@ def front_of(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce]
 
     That of the x axes of the soles in touch, else of those that are known of the robot, else of its floating base, else W's x.
     """
-    toes = toes_of(contacts)
-    if not toes:
-        toes = _known_toes(robot, data)
+    toes = toes_of(contacts) or _known_toes(robot, data)
     if not toes and robot.model.njoints > 1 and robot.model.joints[1].nq == 7:
         toes = [data.oMi[1].rotation[:2, 0]]
     return np.round(ahead_of(toes), 4).tolist()
@@ -191,8 +188,8 @@ def _known_toes(robot: CheckedModel, data: pin.Data) -> list[Array]:
     toes = []
     for sole in soles:
         frame = robot.model.frames[robot.model.getFrameId(sole.frame)]
-        X_WF = data.oMi[frame.parentJoint] * frame.placement
-        toes.append((X_WF * sole.placement).rotation[:2, 0] if sole.placement is not None else X_WF.rotation[:2, 0])
+        X_WS = data.oMi[frame.parentJoint] * frame.placement * (sole.placement or pin.SE3.Identity())
+        toes.append(X_WS.rotation[:2, 0])
     return toes
 
 

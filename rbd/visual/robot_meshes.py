@@ -20,7 +20,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, cross_matrix
 from rbd.errors import InputError, ModelWarning
 from rbd.model.meshes import solid_hull
 from rbd.visual import shapes
@@ -128,15 +128,9 @@ def _parts_of(obj: pin.GeometryObject) -> list[RobotPart]:
     if not pieces:
         kind = type(obj.geometry).__name__
         warnings.warn(ModelWarning(f"geometry {obj.name!r} ({kind}) has no triangles and is not drawn."), stacklevel=2)
-    return [
-        RobotPart(obj.name, obj.parentJoint, obj.placement, mesh, _hexadecimal(rgba), float(np.clip(rgba[3], 0.0, 1.0)))
-        for mesh, rgba in pieces
-    ]
-
-
-def _hexadecimal(rgba: Array) -> str:
     # Pure black shows no shape under any light, so it is lifted to a dark grey.
-    return hexadecimal(np.clip(rgba[:3], 0.12, 1.0))
+    looks = [(mesh, hexadecimal(np.clip(rgba[:3], 0.12, 1.0)), float(np.clip(rgba[3], 0.0, 1.0))) for mesh, rgba in pieces]
+    return [RobotPart(obj.name, obj.parentJoint, obj.placement, *look) for look in looks]
 
 
 def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
@@ -150,7 +144,7 @@ def _collada_pieces(obj: pin.GeometryObject) -> list[tuple[Mesh, Array]]:
     given = np.asarray(obj.meshColor, float)
     pieces = []
     for piece in read:
-        sized = Mesh(piece.mesh.vertices * np.asarray(obj.meshScale), piece.mesh.faces)
+        sized = piece.mesh.scaled(np.asarray(obj.meshScale))
         # A colour in the URDF overrides those in the mesh file.
         own = given if piece.rgba is None or (obj.overrideMaterial and given[:3].any()) else np.array(piece.rgba)
         if len(sized.faces):
@@ -171,8 +165,7 @@ def triangles(geometry: coal.CollisionGeometry) -> Mesh | None:
         case coal.Sphere():
             return shapes.ball(geometry.radius)
         case coal.Ellipsoid():
-            unit = shapes.ball(1.0)
-            return Mesh(unit.vertices * np.asarray(geometry.radii), unit.faces)
+            return shapes.ball(1.0).scaled(np.asarray(geometry.radii))
         case coal.Cylinder():
             return shapes.cylinder(geometry.radius, 2.0 * geometry.halfLength)
         case coal.Capsule():
@@ -214,10 +207,8 @@ def inertia_ellipsoids(model: pin.Model) -> list[RobotPart]:
         most = 0.7 * max([reach / 3.0, *(float(np.linalg.norm(bone)) for bone in bones[joint])])
         axes = np.clip(np.sqrt(np.maximum(squares, squares.max() / 400.0)), 0.01 * reach, most)
         R[:, 0] *= np.linalg.det(R)  # right-handed
-        unit = shapes.ball(1.0)
-        mesh = Mesh(unit.vertices * axes, unit.faces)
         name, placement = f"inertia of {model.names[joint]}", pin.SE3(R, np.array(inertia.lever))
-        parts.append(RobotPart(name, joint, placement, mesh, INERTIA_COLOR, INERTIA_OPACITY))
+        parts.append(RobotPart(name, joint, placement, shapes.ball(1.0).scaled(axes), INERTIA_COLOR, INERTIA_OPACITY))
     return parts
 
 
@@ -254,9 +245,9 @@ def _bones(model: pin.Model) -> dict[int, list[Array]]:
         if model.parents[child] > 0:
             bones[model.parents[child]].append(np.array(model.jointPlacements[child].translation))
     for joint in range(1, model.njoints):
-        ends = [np.array(f.placement.translation) for f in model.frames if f.parentJoint == joint]
-        ends += [np.array(model.inertias[joint].lever)] if not bones[joint] else []
-        if not bones[joint] and ends:
+        if not bones[joint]:
+            ends = [np.array(f.placement.translation) for f in model.frames if f.parentJoint == joint]
+            ends.append(np.array(model.inertias[joint].lever))
             bones[joint].append(max(ends, key=lambda p: float(np.linalg.norm(p))))
     return bones
 
@@ -339,9 +330,8 @@ def _transform(step: Element) -> Array:
     elif step.tag == "scale":
         X[:3, :3] = np.diag(numbers)
     else:
-        x, y, z = numbers[:3] / max(float(np.linalg.norm(numbers[:3])), 1e-300)
+        K = cross_matrix(numbers[:3] / max(float(np.linalg.norm(numbers[:3])), 1e-300))
         c, s = np.cos(np.radians(numbers[3])), np.sin(np.radians(numbers[3]))
-        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         X[:3, :3] = np.eye(3) + s * K + (1.0 - c) * K @ K
     return X
 
@@ -353,12 +343,11 @@ def _triangles(group: Element, named: dict[str, Element]) -> Mesh:
     position = next(i for i in named[source].findall("input") if i.get("semantic") == "POSITION")
     vertices = _numbers(_only(named[position.get("source", "")[1:]], "float_array")).reshape(-1, 3)
     runs = [_vertex_numbers(p, len(vertices), stride, at) for p in group.findall("p")]
-    if group.tag == "triangles":
-        faces = np.concatenate([np.zeros(0, int), *runs]).reshape(-1, 3)
-        return Mesh(vertices, faces)
-    if group.tag == "polylist":
-        counts = _numbers(_only(group, "vcount")).astype(int)
-        runs = np.split(np.concatenate([np.zeros(0, int), *runs]), np.cumsum(counts)[:-1])
+    if group.tag != "polygons":
+        numbers = np.concatenate([np.zeros(0, int), *runs])
+        if group.tag == "triangles":
+            return Mesh(vertices, numbers.reshape(-1, 3))
+        runs = np.split(numbers, np.cumsum(_numbers(_only(group, "vcount")).astype(int))[:-1])
     fans = [(run[0], run[i], run[i + 1]) for run in runs for i in range(1, len(run) - 1)]
     return Mesh(vertices, np.array(fans, int).reshape(-1, 3))
 
@@ -382,8 +371,7 @@ def _color(material: str | None, named: dict[str, Element]) -> Rgba | None:
 
 
 def _only(element: Element, tag: str) -> Element:
-    found = element.find(tag)
-    if found is None:
+    if (found := element.find(tag)) is None:
         raise ValueError(f"a <{element.tag}> of a Collada file has no <{tag}>")
     return found
 

@@ -7,7 +7,6 @@ import webbrowser
 from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 import meshcat
@@ -25,7 +24,7 @@ from rbd.visual.marks.picture import Picture, legend_data
 from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
 from rbd.visual.marks.shown_force import ShownForce
 from rbd.visual.packed_meshes import described, send_mark, send_part
-from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.browser import Browser, Closing
 from rbd.visual.pages.link import checked_layers, checked_view
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.server import LiveServer, Recorder, drawn_together
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from rbd.statics.actuation import Actuation
 
 
-class Scene(Displayed):
+class Scene(Displayed, Closing):
     """A picture of a robot in contact: meshes, forces, friction cones, support polygon, centre of mass.
 
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
@@ -89,12 +88,14 @@ class Scene(Displayed):
         self._legend = legend
         self._layers = checked_layers(layers)
         self._opens = checked_view(view)
-        self._robot = robot
+        self.robot = robot
+        """The robot whose scene it is."""
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
-        self._recorder = Recorder()
-        self._viewer = meshcat.Visualizer(window=self._recorder)
-        self._body = DrawnRobot(robot, self._viewer, self._recorder)
+        self.recorder = Recorder()
+        """The messages of the scene, to its pages and from them."""
+        self._viewer = meshcat.Visualizer(window=self.recorder)
+        self._body = DrawnRobot(robot, self._viewer, self.recorder)
         self._sizes: Sizes | None = None
         self._seen: list[str] = []
         self._marks: list[Mark] = []
@@ -104,17 +105,8 @@ class Scene(Displayed):
         self._around = np.zeros((0, 3))
         self._moving = False
         self._statics: tuple[Drawn, ...] = ()
-        self._title = robot.name
-
-    @property
-    def robot(self) -> Robot:
-        """The robot whose scene it is."""
-        return self._robot
-
-    @property
-    def title(self) -> str:
+        self.title = robot.name
         """Of its page: the robot's name, or the headline of a motion."""
-        return self._title
 
     @property
     def shown(self) -> bool:
@@ -134,35 +126,35 @@ class Scene(Displayed):
     @property
     def left_out(self) -> tuple[str, ...]:
         """What the picture does not show, or not in full, in words; the legend has them too."""
-        return (*self._picture.left_out(self._shown()), *left_out_of(self._statics, self._shown()))
+        return (*self._picture.left_out(self.sizes), *left_out_of(self._statics, self.sizes))
 
     @property
     def metres_per_newton(self) -> float:
         """Length of an arrow over its force [m/N]; constant from the first `show` on."""
-        return self._shown().metres_per_newton
+        return self.sizes.metres_per_newton
 
     @property
     def sizes(self) -> Sizes:
-        """Sizes of the marks; constant from the first `show` on."""
-        return self._shown()
+        """Sizes of the marks; constant from the first `show` on.
 
-    @property
-    def recorder(self) -> Recorder:
-        """The messages of the scene, to its pages and from them."""
-        return self._recorder
+        Raises:
+            PictureError: nothing has been shown yet.
+        """
+        if self._sizes is None:
+            raise PictureError("the scene is empty: call scene.show(state, solution) first.")
+        return self._sizes
 
     @property
     def url(self) -> str:
         """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
         if self._server is None:
-            self._server = LiveServer(self._recorder, self._robot.name)
+            self._server = LiveServer(self.recorder, self.robot.name)
         return self._server.url
 
     def open(self) -> str:
         """Open the live scene in the default browser; returns its address. What `show` draws later appears there at once."""
-        address = self.url
-        webbrowser.open(address, new=2)
-        return address
+        webbrowser.open(self.url, new=2)
+        return self.url
 
     @drawn_together
     def show(
@@ -186,31 +178,31 @@ class Scene(Displayed):
         Raises:
             InputError: if the state is of a robot with other joints, or `external` is not what `solve` takes.
         """
-        model = self._robot.model
+        model = self.robot.model
         if not isinstance(state, State):
             raise InputError(f"show wants a State first, got {state!r:.80}. Make one: rbd.State(robot, q).")
         if solution is not None and not hasattr(solution, "corner_forces"):
             raise InputError(f"solution is {solution!r:.80}; expected what rbd.solve or rbd.hold returned, or None.")
         if len(state.q) != model.nq:
             raise InputError(
-                f"the state has {len(state.q)} coordinates, {self._robot.name!r} has {model.nq}; "
+                f"the state has {len(state.q)} coordinates, {self.robot.name!r} has {model.nq}; "
                 "show a state of the robot that the scene was made for."
             )
         reframed = self._sizes is None or self._moving
         if self._moving:
-            self._recorder.post("motion", json.dumps({"motion": None}))
+            self.recorder.post("motion", json.dumps({"motion": None}))
             self._around, self._moving = np.zeros((0, 3)), False
         self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture = Picture.of(state, solution, external)
         if self._sizes is None:
             moment = self._picture.largest_moment
-            self._sizes = Sizes.of(self._robot, self._body.cloud, self._arrow_per_weight, moment)
+            self._sizes = Sizes.of(self.robot, self._body.cloud, self._arrow_per_weight, moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
         self._marks = self._picture.marks(contact_colors(self._seen), self._sizes, without)
         self._around_marks = marks_of(self._statics, self._sizes)
         self._send_marks()
         if reframed:
-            self._recorder.post("view", self._view())
+            self.recorder.post("view", self._view())
 
     @drawn_together
     def draw(self, *statics: Drawn) -> None:
@@ -220,7 +212,7 @@ class Scene(Displayed):
             InputError: of something else.
             PictureError: if nothing has been shown yet.
         """
-        self._around_marks, self._statics = marks_of(statics, self._shown()), statics
+        self._around_marks, self._statics = marks_of(statics, self.sizes), statics
         self._send_marks()
 
     @drawn_together
@@ -241,8 +233,8 @@ class Scene(Displayed):
             InputError: if an entry is not a state, or has another size.
             PictureError: if nothing has been shown yet.
         """
-        self._shown()
-        check_poses(self._robot, states, shown)
+        _ = self.sizes  # refuses an empty scene
+        check_poses(self.robot, states, shown)
         self._body.draw_poses(OtherPoses(states, shown, details or {}, note))
         self._write_legend()
 
@@ -254,9 +246,8 @@ class Scene(Displayed):
         Raises:
             PictureError: if nothing has been shown, or the file cannot be written.
         """
-        self._shown()
-        target = a_page(path)
-        write_page(target, self.page())
+        page, target = self.page(), a_page(path)
+        write_page(target, page)
         return target
 
     def screenshot(
@@ -274,15 +265,12 @@ class Scene(Displayed):
             InputError: if the size is no number of pixels.
             PictureError: nothing has been shown, no browser, or the file cannot be written.
         """
-        self._shown()
         return photograph(self.page(), a_picture(path), width, height, browser)
 
     def page(self) -> str:
         """The page that `export` writes, as text."""
-        self._shown()
         # A live viewer keeps its camera while the robot moves; a page is framed for its contents.
-        messages = [*self._recorder.messages()[0], self._view()]
-        return offline_page(self._title, messages)
+        return offline_page(self.title, [*self.recorder.messages()[0], self._view()])
 
     def stage_motion(
         self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None, *, title: str | None = None
@@ -295,19 +283,19 @@ class Scene(Displayed):
             further: {path in the viewer: pieces of another robot, which the motion moves too}.
             title: Of the page.
         """
-        self._shown()
-        self._title = title or self._robot.name
+        _ = self.sizes  # refuses an empty scene
+        self.title = title or self.robot.name
         for path, parts in (further or {}).items():
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
         self._marks, self._around_marks, self._around, self._moving = [], [], around, True
         self._send_marks()
-        self._recorder.post("motion", motion)
-        self._recorder.post("view", self._view())
+        self.recorder.post("motion", motion)
+        self.recorder.post("view", self._view())
 
     def pause_motion(self) -> None:
         """Stop the motion from `stage_motion` where its page shows it."""
-        self._recorder.post("paused", json.dumps({"paused": True}))
+        self.recorder.post("paused", json.dumps({"paused": True}))
 
     def wait_for_viewer(self, seconds: float) -> bool:
         """Wait until a browser shows the live scene; whether one does."""
@@ -320,37 +308,26 @@ class Scene(Displayed):
             self._server.close()
             self._server = None
 
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-    def _shown(self) -> Sizes:
-        if self._sizes is None:
-            raise PictureError("the scene is empty: call scene.show(state, solution) first.")
-        return self._sizes
-
     def _send_marks(self) -> None:
         """Send the marks, the frames, the layers, and the layer and label of every mark; and the legend."""
         self._viewer["marks"].delete()
         for mark in self.drawn:
             send_mark(self._viewer, mark)
-        self._recorder.post("frames", frames(self._robot, self._body.data, self._picture.contacts, self._shown().body))
-        self._recorder.post("marks", described(self.drawn, self._layers))
+        self.recorder.post("frames", frames(self.robot, self._body.data, self._picture.contacts, self.sizes.body))
+        self.recorder.post("marks", described(self.drawn, self._layers))
         self._write_legend()
 
     def _write_legend(self) -> None:
         if not self._legend:
             return
         colors, poses = contact_colors(self._seen), self._body.poses
-        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses.entries(), poses.note)
-        self._recorder.post("legend", json.dumps({"legend": what}))
+        what = legend_data(self.robot.name, self._picture, colors, self.sizes, self._statics, poses.entries(), poses.note)
+        self.recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
         drawn = [mark.points for mark in self.drawn if self._layers[mark.layer]]
         contacts, body = self._picture.contacts, self._body
         direction = seen_from(contacts) if self._seen_from is None else self._seen_from
-        front, clouds = front_of(self._robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
-        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)
+        front, clouds = front_of(self.robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self.sizes.body, ground=self._ground)

@@ -23,6 +23,10 @@ class Mesh:
     vertices: Array
     faces: Array
 
+    def scaled(self, by: Array | Sequence[float]) -> Mesh:
+        """The same triangles, with each axis times a factor, shape (3,)."""
+        return Mesh(self.vertices * by, self.faces)
+
     def placed(self, rotation: Array, translation: Array) -> Mesh:
         """The same triangles, turned and then shifted: R_AB of shape (3, 3), p_AB of shape (3,) [m]."""
         return Mesh(self.vertices @ np.asarray(rotation).T + translation, self.faces)
@@ -177,8 +181,8 @@ def tube(points: Array, radius: float, sides: int = 8) -> Mesh:
         flat = side - (side @ t) * t
         side = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 1e-9 else axes_along(t)[:, 0]
         rings.append(p + radius * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(t, side))))
-    n, here = len(points), np.arange(sides)
-    low, after = sides * np.arange(n - 1)[:, None], (here + 1) % sides
+    here = np.arange(sides)
+    low, after = sides * np.arange(len(points) - 1)[:, None], (here + 1) % sides
     faces = [
         np.stack([low + here, low + after, low + sides + after], -1),
         np.stack([low + here, low + sides + after, low + sides + here], -1),

@@ -24,7 +24,7 @@ from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.robot_meshes import drawable
 from rbd.visual.scene import Scene
-from rbd.visual.style import a_page, a_picture
+from rbd.visual.style import MOST_SIZE, a_page, a_picture, check_size
 
 MOST = 12
 """Browsers draw some sixteen scenes at a time, and no more."""
@@ -199,7 +199,7 @@ def contact_sheet(
         PosixPath('standing.png')
     """
     columns = check_whole("columns", columns, MOST)
-    width, height = check_whole("width", width, 4000), check_whole("height", height, 4000)
+    width, height = check_size(width, height, MOST_SIZE)
     picture = a_picture(png_path)
     try:
         given = [robots] if isinstance(robots, str | Robot) else list(robots)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from colorsys import hls_to_rgb
+from contextlib import suppress
 from pathlib import Path
 
+from rbd.arrays import check_whole
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place
 
@@ -31,6 +33,8 @@ INERTIA_COLOR = "#b08d57"
 COLLISION_COLOR = "#8fa3b5"
 GOLDEN = 0.6180339887498949
 MOST_PIXELS = 30_000
+MOST_SIZE = 4000
+"""Pixels along a side of a frame of a video, and of one of several pictures side by side."""
 
 
 def contact_colors(names: Iterable[str]) -> dict[str, str]:
@@ -105,9 +109,22 @@ def a_picture(value: object) -> Path:
     return target
 
 
-def is_there(path: Path) -> bool:
-    """Whether it is a file; False if the system refuses the information."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
+def check_there(page: Path) -> None:
+    """Refuse a page that is no file.
+
+    Raises:
+        PictureError: if it is none, or the system refuses the information.
+    """
+    with suppress(OSError):
+        if page.is_file():
+            return
+    raise PictureError(f"no page {str(page)!r}; write one with scene.export(...) first.")
+
+
+def check_size(width: int, height: int, most: int, *, least: int = 1) -> tuple[int, int]:
+    """Width and height of a picture, in pixels.
+
+    Raises:
+        InputError: no whole numbers within bounds.
+    """
+    return check_whole("width", width, most, least=least), check_whole("height", height, most, least=least)

@@ -423,7 +423,7 @@ def staged(scene):
         if isinstance(message, str) and message[2:8] in ("motion", "paused"):
             told.append(json.loads(message))
 
-    scene._recorder.listen(hear)
+    scene.recorder.listen(hear)
     return told
 
 
@@ -454,7 +454,7 @@ def test_control_c_ends_a_replay_and_a_new_picture_ends_the_motion(motion, box, 
         replay(motion, scene=scene)
         assert told[-1] == {"paused": True} and "motion" in told[-2]
         scene.show(rbd.State(box, motion.q[0]))
-        kept = [m for m in scene._recorder.messages()[0] if isinstance(m, str)]
+        kept = [m for m in scene.recorder.messages()[0] if isinstance(m, str)]
         assert '{"motion": null}' in kept
 
 

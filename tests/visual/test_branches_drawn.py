@@ -178,7 +178,7 @@ def test_colours_of_poses_keep_away_from_what_is_there():
 
 def sent(scene: Scene) -> dict[str, bytes | str]:
     """{part of the robot or its transform: the message that the page gets of it}."""
-    kept = scene._recorder._kept
+    kept = scene.recorder._kept
     return {f"{path} {kind}": message for (path, kind), (_, message) in kept.items() if path.startswith("/meshcat/robot/")}
 
 

@@ -45,7 +45,7 @@ def shown(robot, state, solution=None, external=None, **given):
 
 def notes_and_entries(scene) -> tuple[list[str], dict[str, dict[str, str]]]:
     """The notes of the legend, and its entries by name."""
-    message = next(m for m in scene._recorder.messages()[0] if isinstance(m, str) and m.startswith('{"legend"'))
+    message = next(m for m in scene.recorder.messages()[0] if isinstance(m, str) and m.startswith('{"legend"'))
     legend = json.loads(message)["legend"]
     return legend["notes"], {entry["name"]: entry for entry in legend["entries"]}
 

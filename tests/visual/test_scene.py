@@ -396,10 +396,10 @@ class TestBeside:
         with Scene(g1) as scene:
             scene.show(state)
             scene.beside({"one": state, "two": g1.at()})
-            messages = "".join(str(m) for m in scene._recorder.messages()[0])
+            messages = "".join(str(m) for m in scene.recorder.messages()[0])
             assert "beside/0/" in messages and "beside/1/" in messages and "two" in messages
             scene.beside({})
-            left = [str(m) for m in scene._recorder.messages()[0] if "beside/0/" in str(m)]
+            left = [str(m) for m in scene.recorder.messages()[0] if "beside/0/" in str(m)]
             assert all("delete" in message for message in left)
 
     def test_many_poses_have_colours_of_their_own(self, tmp_path):
@@ -418,9 +418,9 @@ class TestBeside:
         """They are drawn all the same."""
         with Scene(g1, legend=False) as scene:
             scene.show(g1.standing())
-            before = len(scene._recorder.messages()[0])
+            before = len(scene.recorder.messages()[0])
             scene.beside({"a nameless pose": g1.at()})
-            assert len(scene._recorder.messages()[0]) > before and "a nameless pose" not in scene.page()
+            assert len(scene.recorder.messages()[0]) > before and "a nameless pose" not in scene.page()
 
     def test_what_is_no_pose_is_refused(self, g1):
         """By name; and nothing before a first picture."""

@@ -18,6 +18,7 @@ from rbd.cli.app import app
 from rbd.errors import InputError, PictureError
 from rbd.visual import Browser, contact_colors, export_video
 from rbd.visual.pages import encoders
+from rbd.visual.pages.page import text_of
 from rbd.visual.playback import video
 from rbd.visual.playback.video import frame_times
 
@@ -216,7 +217,7 @@ def test_a_picture_costs_a_fraction_of_the_pages(browser: Browser, tmp_path: Pat
         ("", "0", pictures_of_page),
         (
             video._BEFORE,
-            f"{video._script()}\nvoid (window.video = new Video(stage, {settings}))",
+            f"{text_of('rbd.visual.pages', 'web/video.js')}\nvoid (window.video = new Video(stage, {settings}))",
             f"video.frames(Array({n}).fill(0))",
         ),
     ):

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -40,19 +39,6 @@ from rbd.solvers.conic_newton import solve_conic
 
 CONSISTENT = 1e-6
 """Largest residual of redundant rows after a change, over its largest entry."""
-
-
-@dataclass(frozen=True, eq=False)
-class SetChange:
-    """How sets of forces change along n directions.
-
-    Attributes:
-        forces: Row forces at fixed weights, shape (m, n).
-        answers: The accelerations that stay zero, at fixed a, shape (k, n).
-    """
-
-    forces: Array
-    answers: Array
 
 
 class ActiveSet:
@@ -97,29 +83,28 @@ class ActiveSet:
         self._E = lapack.dtrtri(L, lower=1)[0]  # L^-1; dtrsm of as many columns starts threads, and takes 4 ms
         X, Y = self._E @ (P.J.T @ (T.G @ self._Phi)), self._E @ (self._J.T @ self._Psi)
         self._U, self._to_weights, self._kernel = _bases(X)
-        self._V, to_answers, self._repeated = _bases(Y)
-        self._answers = to_answers.T
+        self._V, self._to_answers, self._repeated = _bases(Y)
         if self._U.shape[1] != self._V.shape[1]:
             raise NotDifferentiable(
                 f"friction couples {self._U.shape[1]} independent forces to {self._V.shape[1]} independent accelerations: how "
                 "the points that slip share the load is not unique, and it decides the motion. Under Coulomb's law that is so "
                 "of a patch that slips on more than three corners. Use fewer corners, or the convex law."
             )
-        meeting = self._V.T @ self._U
-        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK:
+        self._meeting = self._V.T @ self._U
+        if self._meeting.size and np.linalg.svd(self._meeting, compute_uv=False)[-1] <= RANK:
             raise NotDifferentiable(
                 "friction jams the sliding contacts (Painleve): near this answer there is no motion, or more than one."
             )
-        self._meeting = meeting
 
-    def derivative(self, r: Array, c: Array, u: Array, rubs: SetChange | None = None) -> tuple[Array, Array]:
+    def derivative(self, r: Array, c: Array, u: Array, rubs: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
         """(da, df): change of the acceleration and of the row forces, shapes (nv, n) and (m, n).
 
         Args:
             r: Change of forces less inertia forces at fixed a and f, shape (nv, n) [N, N m].
             c: Change of the rows' accelerations at fixed a, shape (m, n).
             u: Change of the rows' velocities, shape (m, n).
-            rubs: Change of the sets of forces, or None.
+            rubs: Change of the sets of forces, or None: of the row forces at fixed weights, shape (m, n), and of the
+                accelerations that stay zero, at fixed a, shape (k, n).
 
         Raises:
             NotDifferentiable: if rows are redundant here and not after the change, or if the change depends on a
@@ -128,20 +113,25 @@ class ActiveSet:
         P, T = self._problem, self._modes.sets
         forces, y = self._turning(u)
         y = y + T.H.T @ c
-        weights = np.zeros_like(y)
-        for slip in self._modes.slips:
-            weights[slip.columns] = self._modes.start[slip.active] * slip.turning @ y[slip.columns]
+        start = np.array(self._modes.start)
+        weights = self._turned(start, y)
         b = -(self._Psi.T @ y)
         if rubs is not None:
-            forces, b = forces + rubs.forces, b - rubs.answers
+            forces, b = forces + rubs[0], b - rubs[1]
         p, z = self._motion(r + P.J.T @ (forces + T.G @ weights), b, c)
         da = self._back(z)
         dy = self._J @ da + y
         weights += self._Phi @ (self._to_weights @ p)
-        for slip in self._modes.slips:
-            weights[slip.columns] += self._modes.start[slip.active] * slip.turning @ (dy - y)[slip.columns]
+        weights += self._turned(start, dy - y)
         self._check_shares(dy, da)
         return da, forces + T.G @ weights
+
+    def _turned(self, loads: Array, y: Array) -> Array:
+        """Change of the weights as the friction of what starts to slip turns with y, by loads of the active columns."""
+        out = np.zeros_like(y)
+        for slip in self._modes.slips:
+            out[slip.columns] = loads[slip.active] * slip.turning @ y[slip.columns]
+        return out
 
     def by_force(self) -> tuple[Array, Array]:
         """(da, df) by a generalised force, shapes (nv, nv) and (m, nv); errors as `derivative`."""
@@ -156,7 +146,7 @@ class ActiveSet:
         """
         P, T, modes = self._problem, self._modes.sets, self._modes
         w, n = modes.w, len(names)
-        rubs = SetChange(np.zeros((P.m, n)), np.zeros((len(modes.start), n)))
+        forces, answers = np.zeros((P.m, n)), np.zeros((len(modes.start), n))
         loose = np.zeros((P.m, self._kernel.shape[1], n))
         shares = self._Phi @ self._kernel
         generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
@@ -167,26 +157,25 @@ class ActiveSet:
                 if e.rows != row or not e.mu or modes.words[e] == "sticks":
                     continue
                 tangents, push = generators[:, e.source][:, :2], T.push[e.columns, :2] / e.mu
-                rubs.forces[:, i] += tangents @ (w[e.columns] @ push)
+                forces[:, i] += tangents @ (w[e.columns] @ push)
                 loose[:, :, i] += tangents @ (push.T @ shares[e.columns])
                 if e.facets:  # rays at rest: y_j is the acceleration of the point along ray j
                     point = np.linalg.lstsq(T.push[e.columns], modes.y[e.columns], rcond=None)[0]
                     changed[e.columns] = push @ point[:2]
-            rubs.answers[:, i] = self._Psi.T @ changed
+            answers[:, i] = self._Psi.T @ changed
             for slip in modes.slips if self._convex else ():
                 if T.elements[T.element_at[slip.columns.start]].rows == row:
-                    rubs.answers[slip.active, i] -= slip.direction @ modes.y[slip.columns]
-        self._check_friction(rubs, loose)
+                    answers[slip.active, i] -= slip.direction @ modes.y[slip.columns]
+        self._check_friction(float(np.abs(forces).max(initial=0.0)), loose)
         nothing = np.zeros((P.m, n))
-        return self.derivative(np.zeros((P.nv, n)), nothing, nothing, rubs)
+        return self.derivative(np.zeros((P.nv, n)), nothing, nothing, (forces, answers))
 
-    def _check_friction(self, rubs: SetChange, loose: Array) -> None:
+    def _check_friction(self, most: float, loose: Array) -> None:
         """Refuse if undetermined forces affect how friction changes."""
         scale = float(np.abs(self._modes.start).max(initial=0.0))
-        size = max(1.0, float(np.abs(rubs.forces).max(initial=0.0)))
-        for i in range(loose.shape[2]):
-            moved = self.response(self._problem.J.T @ loose[:, :, i]) if loose.shape[1] else np.zeros(0)
-            if np.abs(moved).max(initial=0.0) * scale > CONSISTENT * size:
+        for i in range(loose.shape[2] if loose.shape[1] else 0):
+            moved = self.response(self._problem.J.T @ loose[:, :, i])
+            if np.abs(moved).max(initial=0.0) * scale > CONSISTENT * max(1.0, most):
                 raise NotDifferentiable(
                     "how the points that slip share the load is not unique, and it decides what more friction does. Use "
                     "fewer contact points, three at most."
@@ -209,7 +198,7 @@ class ActiveSet:
                 "the answer does not change smoothly. Leave out the redundant rows; a sole is one SurfaceContact."
             )
         free = self._E @ r
-        p = np.linalg.solve(self._meeting, self._answers @ b - self._V.T @ free)
+        p = np.linalg.solve(self._meeting, self._to_answers.T @ b - self._V.T @ free)
         return p, free + self._U @ p
 
     def _turning(self, u: Array) -> tuple[Array, Array]:
@@ -235,9 +224,7 @@ class ActiveSet:
         """Refuse if undetermined internal forces affect how friction turns."""
         load = float(np.abs(self._modes.start).max(initial=0.0))
         for n in self._kernel.T:
-            turned = np.zeros_like(dy)
-            for slip in self._modes.slips:
-                turned[slip.columns] = load * n[slip.active] * slip.turning @ dy[slip.columns]
+            turned = self._turned(load * n, dy)
             if not turned.any():
                 continue
             moved = self.response(self._problem.J.T @ (self._modes.sets.G @ turned))
@@ -360,11 +347,11 @@ class HeldRows:
             if answer.weights is None or r.cone.bilateral or not len(r):
                 words[r.name] = ("holds",) * len(r)
                 continue
-            span, points = P.slices[r.name], _sticking_weights(r.cone, answer.multipliers[P.slices[r.name]])
+            span, (inverse, mu) = P.slices[r.name], _split(r.cone)
             c = P.J @ answer.a + P.offset if c is None else c
-            if points is None or r.speed > 0.1 * P.rest_speed or max_abs(c[span]) > 0.1 * RESOLUTION:
+            if not mu or r.speed > 0.1 * P.rest_speed or max_abs(c[span]) > 0.1 * RESOLUTION:
                 return None
-            w, mu = points
+            w = (inverse @ answer.multipliers[span]).reshape(-1, 3)
             room = (mu * w[:, 2] - np.hypot(w[:, 0], w[:, 1])).min()
             if not room > ROOM * mu * load:
                 return None
@@ -399,13 +386,8 @@ class HeldRows:
         return self._free @ r
 
 
-def _sticking_weights(cone: Cone, f: Array) -> tuple[Array, float] | None:
-    """(weights of minimum norm of row forces f, shape (k, 3), their coefficient); None of sets that are not all friction."""
-    inverse, mu = _split(cone)
-    return ((inverse @ f).reshape(-1, 3), mu) if mu else None
-
-
 @lru_cache(maxsize=256)
 def _split(cone: Cone) -> tuple[Array, float]:
+    """(map from row forces to weights of minimum norm, their coefficient); zero of sets that are not all friction of one."""
     G, parts = cone.generators()
     return np.linalg.pinv(G), parts[0].mu if len({part.mu for part in parts}) == 1 else 0.0

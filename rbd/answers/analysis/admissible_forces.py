@@ -150,11 +150,9 @@ class Admissible:
 
     def outside(self, x: Array) -> float:
         """Largest violation of bounds and cones; not positive inside [N]."""
-        worst = float((self.d - self.D @ x).max(initial=-math.inf))
-        if len(self.mu):
-            c = x[self.cone_columns]
-            worst = max(worst, float((np.hypot(c[:, 0], c[:, 1]) - self.mu * c[:, 2]).max()))
-        return worst
+        c = x[self.cone_columns]
+        beyond = np.hypot(c[:, 0], c[:, 1]) - self.mu * c[:, 2]
+        return float(np.concatenate([self.d - self.D @ x, beyond]).max(initial=-math.inf))
 
 
 def ray_weights(p: Array, mu: float, facets: int) -> Array:
@@ -204,27 +202,22 @@ class _Collector:
         self.start: list[float] = []
         self.bounds: list[tuple[float, float]] = []
         self.faces: list[tuple[int, Array]] = []
-        self.cone_at: list[int] = []
-        self.mu: list[float] = []
+        self.cones: dict[int, float] = {}  # friction coefficient by the first column
         self.whole: list[tuple[slice, slice, float, int]] = []
 
     def collected(self) -> Admissible:
         P, T = self.P, self.T
-        spans, with_corners, maps, held = {}, set(), [], []
-        at = 0
+        spans, maps, held, at = {}, [], [], 0
+        kinds = {rows.name: corner_kind(rows, at_rest(rows.cone).bilateral) for rows in P.rows}
         for i, rows in enumerate(P.rows):
-            kind = corner_kind(rows, at_rest(rows.cone).bilateral)
-            maps.append(self._corner_map(i, rows, kind))
+            maps.append(self._corner_map(i, rows, kinds[rows.name]))
             spans[rows.name] = slice(at, at + len(maps[-1]))
-            if kind != "none":
-                with_corners.add(rows.name)
-            if kind == "expanded":
+            if kinds[rows.name] == "expanded":
                 held.append((at, len(self.start), rows))
                 self._add_held_patch(rows, T.slices[i])
             else:
-                for e in T.elements:
-                    if e.rows == i:
-                        self._add_element(e)
+                for e in [e for e in T.elements if e.rows == i]:
+                    self._add_element(e)
             at = spans[rows.name].stop
         n = len(self.start)
         weights, to_corners = np.array(self.columns).reshape(n, T.size).T, np.vstack([np.zeros((0, T.size)), *maps])
@@ -237,19 +230,18 @@ class _Collector:
         row_forces, rank = T.G @ weights, rank_of(P.J)
         null = null_space(row_forces if rank == P.m else P.J.T @ row_forces)
         size = max(1.0, float(np.abs(corners @ start + corners_at).max(initial=0.0)))
+        cone_at, mu = np.array([*self.cones], int), np.array([*self.cones.values()])
         return Admissible(
             P, row_forces, T.G @ self.weights_at, corners, corners_at, weights, self.weights_at, spans,
-            frozenset(with_corners), D, d, np.array(self.cone_at, int), np.array(self.mu), tuple(self.whole),
+            frozenset(name for name, kind in kinds.items() if kind != "none"), D, d, cone_at, mu, tuple(self.whole),
             start, null, rank, n - null.shape[1], size,
         )  # fmt: skip
 
     def _corner_map(self, i: int, rows: Rows, kind: str) -> Array:
         """Maps weights to a contact's corner forces, or to row forces without corners; zero for a bilateral patch."""
         T, G = self.T, self.T.G[self.P.slices[rows.name]]
-        if kind == "none":
+        if kind == "none" or rows.patch is None or rows.resultant is None:
             return G
-        assert rows.patch is not None
-        assert rows.resultant is not None
         if kind == "one":
             return np.asarray(rows.resultant[:3] @ G)
         out = np.zeros((3 * len(rows.patch.corners), T.size))
@@ -262,11 +254,8 @@ class _Collector:
     def _inequalities(self, n: int) -> tuple[Array, Array]:
         one, (low, high) = np.eye(n), np.array(self.bounds).reshape(n, 2).T
         below, above = np.isfinite(low), np.isfinite(high)
-        D, d = [one[below], -one[above]], [low[below], -high[above]]
-        for j, normals in self.faces:
-            D.append(normals @ one[j : j + 3])
-            d.append(np.zeros(len(normals)))
-        return np.vstack(D), np.concatenate(d)
+        faces = np.vstack([one[:0], *(normals @ one[j : j + 3] for j, normals in self.faces)])
+        return np.vstack([one[below], -one[above], faces]), np.concatenate([low[below], -high[above], np.zeros(len(faces))])
 
     def _add_element(self, element: Element) -> None:
         if element.is_cone:
@@ -301,8 +290,7 @@ class _Collector:
         size = max(slip / of_slip, abs(float(y[2])) / of_normal)
         opens = float(y[2]) / of_normal if self.coulomb else (float(y[2]) - mu * slip) / (of_normal + mu * of_slip)
         if size <= self.tolerance:
-            self.cone_at.append(len(self.start))
-            self.mu.append(mu)
+            self.cones[len(self.start)] = mu
             for axis, force in zip(np.eye(3), w, strict=True):
                 self._put(span, axis, force)
         elif opens <= self.tolerance or w[2] / self.push[at] > size:

@@ -26,7 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array, as_array, block_diagonal, max_abs
-from rbd.errors import InputError, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_known
 from rbd.problem.conic import Conic, ConicAnswer, Unknowns
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
@@ -114,8 +115,7 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
     generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
     members, span, cones, mu = [], [], [], []
     force, b, pushes = [np.zeros((P.m, 0))], [np.zeros(0)], [np.zeros((0, 3))]
-    holds: list[bool] = []
-    member: list[int] = []
+    holds, member = list[bool](), list[int]()
     for number, e in enumerate(T.elements):
         r = P.rows[e.rows]
         members.append(ConditionMember(r.name, _words(r, e, generators[P.slices[r.name], e.source])))
@@ -151,8 +151,7 @@ def _asked(T: ForceSet, e: Element) -> tuple[Array, Array, Array, bool, bool]:
         length = np.linalg.norm(push, axis=1)
         return H / length, offset / length, push / length[:, None], True, False
     at = e.columns.start
-    rubs = bool(e.mu)
-    return H, offset, _ALONG_NORMAL if rubs else np.zeros((1, 3)), bool(T.below[at]), bool(T.above[at])
+    return H, offset, _ALONG_NORMAL if e.mu else np.zeros((1, 3)), bool(T.below[at]), bool(T.above[at])
 
 
 _ALONG_NORMAL = np.array([[0.0, 0.0, 1.0]])
@@ -201,8 +200,7 @@ def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> A
     if not isinstance(given, Mapping):
         raise InputError(f"weights are {given!r:.80}; expected {{constraint: weight}}.")
     for name, value in given.items():
-        if name not in P.slices:
-            raise InputError(f"weights: no constraint {name!r:.80}; {nearest(name, P.slices)}.")
+        check_known("weights: no constraint", name, P.slices, InputError)
         w = as_array(f"weight of {name!r}", value)
         m = len(out[P.slices[name]])
         if w.shape not in ((), (m,)) or not ((w > 1e-100) & (w < 1e100)).all():
@@ -213,9 +211,6 @@ def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> A
 
 def relaxed(P: GaussProblem, s: Array) -> GaussProblem:
     """The problem whose rows have s added to their feedback."""
-    rows = [_relaxed(r, s[P.slices[r.name]]) for r in P.rows]
+    added = {r.name: s[P.slices[r.name]] for r in P.rows}
+    rows = [replace(r, feedback=r.feedback + added[r.name]) if added[r.name].any() else r for r in P.rows]
     return replace(P, rows=rows, origin=None, from_state=True)
-
-
-def _relaxed(r: Rows, s: Array) -> Rows:
-    return replace(r, feedback=r.feedback + s) if s.any() else r

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import RANK, Array, blas
+from rbd.arrays import RANK, Array, blas, identity
 from rbd.problem.answer import Answer
 from rbd.problem.cones import HALF_LINE, Free, Interval
 from rbd.problem.force_set import Element, ForceSet, at_rest
@@ -105,9 +105,7 @@ class Modes:
 
     def unit(self, j: int) -> Array:
         """The j-th unit vector, shape (p,)."""
-        out = np.zeros(len(self.w))
-        out[j] = 1.0
-        return out
+        return identity(len(self.w))[j].copy()
 
 
 def modes_of(answer: Answer) -> Modes:
@@ -144,10 +142,8 @@ def _weight(modes: Modes, element: Element, j: int, still: float, unit: float) -
         return "yields" if all(bounded) else "opens"
     k = modes.put(modes.unit(j), modes.unit(j), modes.w[j])
     unit = min(unit, high - low)
-    if bounded[0]:
-        modes.needs.append(Need(element, k, 1.0, -float(low), unit))
-    if bounded[1]:
-        modes.needs.append(Need(element, k, -1.0, float(high), unit))
+    ends = (Need(element, k, 1.0, -float(low), unit), Need(element, k, -1.0, float(high), unit))
+    modes.needs += [need for need, there in zip(ends, bounded, strict=True) if there]
     return "presses" if any(bounded) and not all(bounded) else "holds"
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.answers.analysis.admissible_forces import Admissible
-from rbd.arrays import Array, lazy, max_abs, null_space
+from rbd.arrays import Array, block_diagonal, lazy, max_abs, null_space
 from rbd.problem.cones import pyramid
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.programs import Outcome, Work, linear_program
@@ -73,9 +73,9 @@ class Reach:
         self.thin = False
         """Whether bounds and cones were widened by `EXACT`, as they leave the set no interior."""
         self.normals, self.offsets = self._planes()
-        shut = self._shut()
-        self.basis = self.basis @ null_space((self.normals @ self.basis)[shut])
-        loose = null_space(np.vstack([self.normals, self._cone_rows()]) @ self.basis)
+        self.basis = self.basis @ null_space((self.normals @ self.basis)[self._shut()])
+        of_cones = np.eye(len(self.start))[adm.cone_columns.ravel()]
+        loose = null_space(np.vstack([self.normals, of_cones]) @ self.basis)
         self.loose = self.basis @ loose
         """Directions in which no bound and no cone is limiting, shape (n, .)."""
         self.basis = self.basis @ null_space(loose.T) if loose.size else self.basis
@@ -104,8 +104,7 @@ class Reach:
             return End(math.inf)
         if self.work.left < 0.0:
             return NOT_FOUND
-        x = self._by_proximal_steps(function)
-        if x is None:
+        if (x := self._by_proximal_steps(function)) is None:
             q = function @ self.rays[0]
             outcome, x = self.least(np.zeros((len(q), len(q))), -q / max_abs(q))
             if outcome is Outcome.UNBOUNDED:
@@ -116,33 +115,18 @@ class Reach:
     def rays(self) -> tuple[Array, Array, Conic]:
         """(T, start, program): the set as x = T y with y between bounds or in circular cones, pyramids by their rays."""
         adm, n = self.adm, len(self.start)
-        columns: list[Array] = []
-        lower: list[float] = []
-        upper: list[float] = []
-        y: list[float] = []
-        low, high = adm.bounds
-        pyramids = {mine.start: (mu, facets) for mine, _, mu, facets in adm.whole}
-        j, place = 0, {}
-        while j < n:
-            place[j] = len(lower)
-            mu, facets = pyramids.get(j, (0.0, 0))
-            if not facets:
-                columns.append(np.eye(n)[j][:, None])
-                lower, upper, y = [*lower, low[j]], [*upper, high[j]], [*y, self.start[j]]
-                j += 1
-                continue
-            block = np.zeros((n, facets))
-            block[j : j + 3] = pyramid(mu, facets)
-            columns.append(block)
-            lower, upper = lower + [0.0] * facets, upper + [math.inf] * facets
-            y += np.linalg.pinv(block[j : j + 3]).dot(self.start[j : j + 3]).tolist()
-            j += 3
-        T = np.hstack(columns) if columns else np.zeros((n, 0))
-        across = null_space(adm.null.T).T
-        cones = np.array([place[int(at)] for at in adm.cone_at], int)[:, None] + np.arange(3)
-        low, high = np.array(lower) / adm.size, np.array(upper) / adm.size
+        pyramids = {mine.start: pyramid(mu, facets) for mine, _, mu, facets in adm.whole}
+        inside = {at + k for at in pyramids for k in (1, 2)}
+        blocks = {j: pyramids.get(j, np.eye(1)) for j in range(n) if j not in inside}
+        free = {j: np.tile([[0.0], [math.inf]], R.shape[1]) for j, R in pyramids.items()}  # each ray
+        single = np.array(adm.bounds) / adm.size
+        low, high = np.hstack([np.zeros((2, 0)), *(free.get(j, single[:, j : j + 1]) for j in blocks)])
+        places = dict(zip(blocks, np.cumsum([0, *(R.shape[1] for R in blocks.values())]), strict=False))
+        cones = np.array([places[int(at)] for at in adm.cone_at], int)[:, None] + np.arange(3)
+        T, across = block_diagonal(list(blocks.values())), null_space(adm.null.T).T
+        y = np.concatenate([np.zeros(0), *(np.linalg.pinv(R) @ self.start[j : j + len(R)] for j, R in blocks.items())])
         rays = Unknowns(len(y), 1.0, 0.0, low, high, cones.reshape(-1, 3), adm.mu)
-        return T, np.array(y), Conic.of({"rays": rays}, [({"rays": across @ T}, across @ self.start)])
+        return T, y, Conic.of({"rays": rays}, [({"rays": across @ T}, across @ self.start)])
 
     def _by_proximal_steps(self, function: Array) -> Array | None:
         """Where the function is largest; None where a dual bound does not prove convergence."""
@@ -171,11 +155,6 @@ class Reach:
             touching[i, :, at : at + 3] = inward / math.hypot(1.0, mu)
         flat = touching.reshape(len(adm.mu) * _TOUCHING, n)
         return np.vstack([adm.D, flat]), np.concatenate([adm.d / adm.size, np.zeros(len(flat))])
-
-    def _cone_rows(self) -> Array:
-        rows = np.zeros((3 * len(self.adm.mu), len(self.start)))
-        rows[np.arange(len(rows)), self.adm.cone_columns.ravel()] = 1.0
-        return rows
 
     def _shut(self) -> Array:
         """Planes that contain the whole set, by the point of the widened set off the most planes.

@@ -18,6 +18,7 @@ from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.answers.analysis.extent import Reach
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors.inputs import check_kind
 from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
 from rbd.solvers.conic_newton import by_dual
 
@@ -38,8 +39,7 @@ def metric(adm: Admissible, weight: Mapping[str, object] | None) -> Array | None
     """
     if weight is None:
         return None
-    if not isinstance(weight, Mapping):
-        raise InputError(f"weight is {weight!r:.80}; expected {{contact name: positive number}}.")
+    check_kind("weight", weight, Mapping, "{contact name: positive number}")
     for name in weight:
         if name not in adm.spans:
             raise UnknownName(f"weight names {name!r:.80}, which is no constraint here; {nearest(name, adm.spans)}.")
@@ -102,9 +102,7 @@ def _by_dual(adm: Admissible, E: Array, e: Array) -> Array | None:
     None where it has, or Newton's method on the dual does not converge.
     """
     P = adm.separable(E.T @ E, E.T @ (e - E @ (adm.start / adm.size)))  # e is the value at the start, not at zero
-    if P is None:
-        return None
-    found = by_dual(P)
+    found = None if P is None else by_dual(P)
     return None if found is None else adm.kept(adm.size * found[0])
 
 
@@ -120,8 +118,7 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     norms = np.maximum(np.linalg.norm(G, axis=1), 1e-300)
     felt = norms > 1e-12  # the others are constants: 0 >= their part of h
     G, h = G[felt] / norms[felt, None], h[felt] / norms[felt]
-    found = least_distance(G, h, 1e-14)
-    if found is None:
+    if (found := least_distance(G, h, 1e-14)) is None:
         return None
     u, y = found
     active = y > 0.0

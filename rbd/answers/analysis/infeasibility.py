@@ -133,8 +133,7 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
     """
     law = Law.of(law)
     search = _ConflictSearch(conditions_of(checked(problem), law))
-    found = search.farkas(frozenset(range(len(search.asked.members))))
-    if found is None:
+    if (found := search.farkas(frozenset(range(len(search.asked.members))))) is None:
         return None
     of_rows = {
         r.name: frozenset(i for i, m in enumerate(search.asked.members) if m.rows == r.name and len(search.asked.span[i]))
@@ -143,11 +142,8 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
     found, few_constraints = search.smallest([g for g in of_rows.values() if g], found)
     singles = [frozenset([i]) for g in of_rows.values() if g & found.members for i in sorted(g)]
     found, few_rows = search.smallest(singles, found)
-    words: dict[str, tuple[str, ...]] = {}
-    for r in problem.rows:
-        taking_part = sorted(of_rows[r.name] & found.members)
-        if taking_part:
-            words[r.name] = tuple(search.words(i, found) for i in taking_part)
+    taking_part = {name: sorted(own & found.members) for name, own in of_rows.items()}
+    words = {name: tuple(search.words(i, found) for i in own) for name, own in taking_part.items() if own}
     certificate = {name: found.force[part].copy() for name, part in problem.slices.items()}
     met, unmet = split(problem)
     return Contradiction(
@@ -160,19 +156,15 @@ def split(problem: GaussProblem) -> tuple[dict[str, Array], dict[str, Array]]:
 
     By least squares over all bilateral rows, in their units. Shapes (m,) each; met + unmet = -offset.
     """
-    held = [r for r in problem.rows if at_rest(r.cone).bilateral and len(r)]
+    held = {r.name: len(r) for r in problem.rows if at_rest(r.cone).bilateral and len(r)}
     if not held:
         return {}, {}
-    at = np.concatenate([np.arange(problem.m)[problem.slices[r.name]] for r in held])
+    at = np.concatenate([np.arange(problem.m)[problem.slices[name]] for name in held])
     U = range_of(problem.J[at])
     required = -problem.offset[at]
     met = U @ (U.T @ required)
-    ends = np.cumsum([len(r) for r in held])[:-1]
-    names = [r.name for r in held]
-    return (
-        dict(zip(names, np.split(met, ends), strict=True)),
-        dict(zip(names, np.split(required - met, ends), strict=True)),
-    )
+    met_by, unmet_by = (np.split(x, np.cumsum([*held.values()])[:-1]) for x in (met, required - met))
+    return dict(zip(held, met_by, strict=True)), dict(zip(held, unmet_by, strict=True))
 
 
 def _numbers(x: Array) -> str:
@@ -228,8 +220,7 @@ class _ConflictSearch:
             for some in combinations(groups, size) if sets >= 0 else ():
                 if self.programs >= last:
                     return found, False
-                fewer = self.farkas(frozenset().union(*some))
-                if fewer is not None:
+                if (fewer := self.farkas(frozenset().union(*some))) is not None:
                     return fewer, self.complete
         return found, sets >= 0 and self.complete
 
@@ -243,8 +234,7 @@ class _ConflictSearch:
 
     def _independent(self, members: frozenset[int]) -> bool:
         """Whether the members' rows are independent, so that all accelerations are possible: no search needed."""
-        rows = [self.asked.span[i] for i in members]
-        stacked = np.concatenate(rows) if rows else np.zeros((0, 1))
+        stacked = np.concatenate([self.asked.A[:0], *(self.asked.span[i] for i in members)])
         if not len(stacked):
             return True
         length = np.linalg.norm(stacked, axis=1)
@@ -257,7 +247,7 @@ class _ConflictSearch:
         C = self.asked.only(members)
         self.programs += 1
         answer, _, _ = C.violation(np.ones(len(C.force)))
-        self.complete = self.complete and answer.solved
+        self.complete &= answer.solved
         z = _balanced(C, answer.x, self.longest)
         work = float(C.b @ z)
         if not work < 0.0:

@@ -25,6 +25,7 @@ from rbd.answers.analysis.active_set import ActiveSet, HeldRows
 from rbd.arrays import Array, as_array, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors.inputs import check_kind, check_known
 from rbd.model.external import External, elements_of
 from rbd.model.inertial import body_names, inertia_columns, inertial_parameters, joint_velocities, parameter_names
 from rbd.model.state import State
@@ -88,15 +89,12 @@ class ParameterDerivatives(Displayed):
         Raises:
             UnknownName: with the nearest names.
         """
-        if constraint not in self.forces:
-            raise UnknownName(f"no constraint {constraint!r:.80}; {nearest(constraint, self.forces)}.")
-        found = self.forces[constraint]
-        column = self._column(label)
+        check_known("no constraint", constraint, self.forces)
+        found, column = self.forces[constraint], self._column(label)
         return None if found is None else np.asarray(found[:, column])
 
     def _column(self, label: str) -> int:
-        if label not in self.labels:
-            raise UnknownName(f"no {self.parameter} of {label!r:.80}; {nearest(label, self.labels)}.")
+        check_known(f"no {self.parameter} of", label, self.labels)
         return self.labels.index(label)
 
     def __str__(self) -> str:
@@ -113,8 +111,7 @@ def checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
         UnknownName: with the nearest ones.
     """
     given = (parameters,) if isinstance(parameters, str) else parameters
-    if not isinstance(given, Sequence):
-        raise InputError(f"parameters is {parameters!r:.80}; expected names, e.g. ('friction', 'mass').")
+    check_kind("parameters", given, Sequence, "names, e.g. ('friction', 'mass')")
     for name in given:
         if not isinstance(name, str) or name not in PARAMETERS:
             raise UnknownName(f"no parameter {name!r:.80}; {nearest(name, PARAMETERS)}. There are {', '.join(PARAMETERS)}.")
@@ -191,8 +188,5 @@ def _of_element(element: Any, state: State, parameter: str) -> dict[str, Array]:
     found = element.parameter_force(state, parameter)
     several = isinstance(found, Mapping)
     named = {f"{element.name}.{key}": value for key, value in found.items()} if several else {element.name: found}
-    out = {}
-    for label, value in named.items():
-        force = as_array(f"force by {parameter} of {label}", value)
-        out[label] = state.robot.check_v(force, f"the force by {parameter} of {label!r:.80}")
-    return out
+    forces = {label: as_array(f"force by {parameter} of {label}", value) for label, value in named.items()}
+    return {name: state.robot.check_v(force, f"the force by {parameter} of {name!r:.80}") for name, force in forces.items()}

@@ -143,10 +143,8 @@ class StateOrigin:
         asked = checked_parameters(parameters)
         chain = _Chain(self, answer)
         found = chain.derivatives()
-        if not asked:
-            return found
         by = {name: by_parameter(name, self.state, self.external, answer, chain.active, found.not_unique) for name in asked}
-        return replace(found, parameters=by)
+        return replace(found, parameters=by) if by else found
 
     def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
         return LeftBehind, ()
@@ -185,7 +183,9 @@ class _Chain:
         if (
             len(poses) == len(fixed) and getattr(answer, "_assemble", None) is not None
         ):  # where all is held or sticks, Pinocchio's derivatives have M and J, too
-            self._found: StateDerivatives | None = self._differentiated(poses, _parts(poses, answer.multipliers))
+            ends = accumulate(rows.size for rows in poses)
+            forces = [answer.multipliers[end - rows.size : end] for rows, end in zip(poses, ends, strict=True)]
+            self._found: StateDerivatives | None = self._differentiated(poses, forces)
             self.problem = _problem_of(origin, answer, poses, self._found, len(self._pushed))
             held = HeldRows.of(answer, self.problem)
         if held is None:
@@ -208,18 +208,16 @@ class _Chain:
         """All derivatives."""
         robot, active = self.robot, self.active
         by_q, by_v = self._by_state()
-        along_only = False
+        along = None
         try:
             (a_q, f_q), (a_v, f_v) = self._answered(by_q, by_v)
         except NotDifferentiable:
-            along = (
-                projections(self.origin.state, self.origin.constraints, active.words, by_q.u)
-                if len(active.internal.T)
-                else None
-            )
+            if len(active.internal.T):
+                along = projections(self.origin.state, self.origin.constraints, active.words, by_q.u)
             if along is None:
                 raise
-            by_q, by_v, along_only = by_q.by(along.Q).plus(by_v.by(along.G)), by_v.by(along.V), True
+            Q, G, V = along
+            by_q, by_v = by_q.by(Q).plus(by_v.by(G)), by_v.by(V)
             (a_q, f_q), (a_v, f_v) = self._answered(by_q, by_v)
         a_external, f_external = active.by_force()
         a_tau, f_tau = a_external[:, robot.motors].copy(), f_external[:, robot.motors].copy()
@@ -229,12 +227,11 @@ class _Chain:
             span = self.problem.slices[r.name]
             each = [df[span].copy() if r.resultant is None else r.resultant @ df[span] for df in (f_q, f_v, f_tau, f_external)]
             for df, by in zip(each[:2], (by_q, by_v), strict=True):
-                if r.name in by.resultants:
-                    df += by.resultants[r.name]
+                df += by.resultants.get(r.name, 0.0)
             forces[r.name] = None if r.name in lost else ForceDerivatives(*each)
         df_q, df_v, df_tau, df_external = (None if active.internal.size else df for df in (f_q, f_v, f_tau, f_external))
         return Derivatives(
-            a_q, a_v, a_tau, a_external, df_q, df_v, df_tau, df_external, forces, active.words, lost, along_only
+            a_q, a_v, a_tau, a_external, df_q, df_v, df_tau, df_external, forces, active.words, lost, along is not None
         )  # fmt: skip
 
     def _answered(self, by_q: Change, by_v: Change) -> list[tuple[Array, Array]]:
@@ -244,11 +241,11 @@ class _Chain:
 
     def _by_state(self) -> tuple[Change, Change]:
         """Changes of the terms with q and with v."""
-        changes = self._of_fixed()
-        if self.others:
-            for change, by in zip(changes, slopes(self._sample, self.origin.state), strict=True):
-                change.add(self._of_others(by))
-        return changes
+        by_q, by_v = self._of_fixed()
+        if not self.others:
+            return by_q, by_v
+        others_q, others_v = map(self._of_others, slopes(self._sample, self.origin.state))
+        return by_q.plus(others_q), by_v.plus(others_v)
 
     def _of_fixed(self) -> tuple[Change, Change]:
         """Changes of M a + h, of external forces and of rows that are constant or fixed to bodies: Pinocchio's derivatives."""
@@ -326,22 +323,15 @@ class _Chain:
 
     def _not_unique(self) -> tuple[str, ...]:
         """Constraints whose force an internal force can change."""
-        P, internal, lost = self.problem, self.active.internal, []
-        for r in P.rows if internal.size else ():
-            part = internal[P.slices[r.name]]
-            if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK:
-                lost.append(r.name)
-        return tuple(lost)
+        P, internal = self.problem, self.active.internal
+        parts = [(r, internal[P.slices[r.name]]) for r in P.rows if internal.size]
+        felt = [(r.name, part if r.resultant is None else r.resultant @ part) for r, part in parts]
+        return tuple(name for name, part in felt if np.abs(part).max(initial=0.0) > RANK)
 
 
 _WORLD = np.eye(3)
 _STILL = 1e-9
 """Rest speed of contacts that surely rest [m/s, rad/s]."""
-
-
-def _parts(fixed: Sequence[FixedRows], f: Array) -> list[Array]:
-    """The row forces of each constraint."""
-    return [f[end - rows.size : end] for rows, end in zip(fixed, accumulate(rows.size for rows in fixed), strict=True)]
 
 
 def _problem_of(
@@ -361,7 +351,7 @@ def _problem_of(
 
 def _same_set(one: Cone, other: Cone) -> bool:
     """Whether two sets of forces are the same."""
-    if one is other or one == other:
+    if one == other:
         return True
     (G, parts), (other_G, other_parts) = one.generators(), other.generators()
     return parts == other_parts and np.array_equal(G, other_G)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import RANK, Array, as_array, check_finite, max_abs
+from rbd.arrays import RANK, Array, as_finite, max_abs
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NotDifferentiable
 from rbd.model.derivatives import Charts
@@ -121,12 +121,8 @@ def element_derivatives(element: ForceElement, state: State) -> tuple[Array, Arr
     found = own(state)
     if not isinstance(found, tuple) or len(found) != 2:
         raise InputError(f"derivatives(state) of {element.name!r:.80} is {found!r:.80}; expected (dtau/dq, dtau/dv).")
-    for what, value in zip(("dtau/dq", "dtau/dv"), found, strict=True):
-        array = as_array(f"{what} of {element.name!r:.80}", value)
-        if array.shape != (nv, nv):
-            raise InputError(f"{what} of {element.name!r:.80} has shape {array.shape}; expected ({nv}, {nv}).")
-        check_finite(f"{what} of {element.name!r:.80}", array)
-    return found[0], found[1]
+    of = f"of {element.name!r:.80}"
+    return as_finite(f"dtau/dq {of}", found[0], (nv, nv)), as_finite(f"dtau/dv {of}", found[1], (nv, nv))
 
 
 def slopes(sample: Callable[[State], Array], state: State, of: str = "") -> tuple[Array, Array]:
@@ -182,17 +178,10 @@ class Change:
         resultants = {name: df @ T for name, df in self.resultants.items()}
         return Change(self.force @ T, self.internal @ T, self.c @ T, self.u @ T, resultants)
 
-    def add(self, other: Change) -> None:
-        """Add the change of other constraints."""
-        self.force[:] += other.force
-        self.internal[:] += other.internal
-        self.c[:] += other.c
-        self.u[:] += other.u
-        self.resultants.update(other.resultants)
-
     def plus(self, other: Change) -> Change:
-        """The sum of both changes, of the same constraints."""
-        resultants = {name: df + other.resultants[name] for name, df in self.resultants.items()}
+        """The sum of both changes."""
+        mine, its = self.resultants, other.resultants
+        resultants = {name: np.add(mine.get(name, 0.0), its.get(name, 0.0)) for name in {**mine, **its}}
         return Change(self.force + other.force, self.internal + other.internal, self.c + other.c, self.u + other.u, resultants)
 
 
@@ -205,27 +194,12 @@ SAME = 1e-7
 _HELD = ("holds", "sticks")
 
 
-@dataclass(frozen=True, eq=False)
-class Projections:
-    """A change dq, and a change dv, count as (Q dq, G dq) and (0, V dv), which are along the constraints.
-
-    A change along them stays as it is: Q dq = dq, G dq + V dv = dv. Others are projected, by the least in units of the joints.
-
-    Attributes:
-        Q: Shape (nv, nv).
-        G: Shape (nv, nv); zero at rest.
-        V: Shape (nv, nv).
-    """
-
-    Q: Array
-    G: Array
-    V: Array
-
-
 def projections(
     state: State, constraints: Sequence[HasRows], words: Mapping[str, tuple[str, ...]], D: Array
-) -> Projections | None:
-    """The projections of changes of a state onto those along its constraints.
+) -> tuple[Array, Array, Array] | None:
+    """(Q, G, V): a change dq, and a change dv, count as (Q dq, G dq) and (0, V dv), which are along the constraints.
+
+    A change along them stays as it is: Q dq = dq, G dq + V dv = dv. Others are projected, by the least in units of the joints.
 
     Args:
         state: The robot at (q, v).
@@ -234,8 +208,8 @@ def projections(
         D: Change of the rows' velocities with q at fixed v, shape (m, nv).
 
     Returns:
-        Those, or None where a contact may slip or open, where the state is off its constraints, or where their rank is higher
-        nearby on them.
+        Shapes (nv, nv), G zero at rest; None where a contact may slip or open, where the state is off its constraints, or
+        where their rank is higher nearby on them.
     """
     if any(word not in _HELD for said in words.values() for word in said):
         return None
@@ -245,15 +219,13 @@ def projections(
         return None
     T_q, T_v = (null_space(J * scale, RANK)[0] for J in (rows.J[manifold.placed], rows.J))
     Q, V = (scale[:, None] * (T @ T.T) / scale for T in (T_q, T_v))
-    G = -scale[:, None] * np.linalg.lstsq(rows.J * scale, D @ Q, rcond=RANK)[0]
-    return Projections(Q, G, V)
+    return Q, -scale[:, None] * np.linalg.lstsq(rows.J * scale, D @ Q, rcond=RANK)[0], V
 
 
 def _keeps_its_rank(manifold: ConstraintManifold) -> bool:
     """Whether the state is on the constraints, and the rank of its rows is the same at configurations nearby on them."""
     here = manifold.at(manifold.q)
-    rank = manifold.rank(here.J, RANK)
-    return max_abs(here.error) <= CLOSED and set(ranks_nearby(manifold)) <= {rank}
+    return max_abs(here.error) <= CLOSED and set(ranks_nearby(manifold)) <= {manifold.rank(here.J, RANK)}
 
 
 def ranks_nearby(manifold: ConstraintManifold) -> Iterator[int]:

@@ -268,19 +268,15 @@ class _Asker:
 
     def answer(self, choice: str, motion_freedom: int) -> Uniqueness:
         adm, P = self.adm, self.adm.problem
-        total, vertical = self._vertical()
-        contacts = {}
-        for rows in P.rows:
-            if rows.name in adm.has_corners:
-                assert rows.patch is not None
-                contacts[rows.name] = self._contact(rows.name, rows.patch, None if total is None else vertical / total)
+        vertical = self._vertical()
+        patches = {rows.name: rows.patch for rows in P.rows if rows.patch is not None and rows.name in adm.has_corners}
+        contacts = {name: self._contact(name, patch, vertical) for name, patch in patches.items()}
         others = {
             name: tuple(self._range(function) for function in np.eye(len(self.returned))[span])
             for name, span in adm.spans.items()
             if name not in adm.has_corners and span.stop > span.start
         }
-        changes = adm.rows @ self.reach.directions
-        row_freedom = rank_of(changes, unit=True)
+        row_freedom = rank_of(adm.rows @ self.reach.directions, unit=True)
         found = self.reach.known and all(end.found for end in self.ends.values())
         return Uniqueness(
             self.law, P.m, adm.rank, adm.active_rank, row_freedom, self.reach.dimension, choice, contacts, others,
@@ -289,34 +285,34 @@ class _Asker:
 
     def _along(self, name: str, direction: Array) -> Array:
         """The function that maps the stacked corner forces to a contact's net force along a world direction."""
-        out, span = np.zeros(len(self.returned)), self.adm.spans[name]
-        out[span] = np.tile(direction, (span.stop - span.start) // 3)
+        span = self.adm.spans[name]
+        return self._on(span, np.tile(direction, (span.stop - span.start) // 3))
+
+    def _on(self, span: slice, factors: Array) -> Array:
+        """The function of the stacked corner forces with these factors on a part of them, zero on the rest."""
+        out = np.zeros(len(self.returned))
+        out[span] = factors
         return out
 
-    def _vertical(self) -> tuple[float | None, Array]:
-        """(vertical force of all contacts with the ground, None where it is not unique or zero; the function)."""
+    def _vertical(self) -> Array | None:
+        """The function that gives the share of the vertical force of all contacts with the ground; None where that is zero.
+
+        None also where it is not unique.
+        """
         up, on_ground = np.array([0.0, 0.0, 1.0]), np.zeros(len(self.returned))
         for rows in self.adm.problem.rows:
             if rows.name in self.adm.has_corners and rows.patch is not None and rows.patch.against is None:
                 on_ground += self._along(rows.name, up)
         total = float(on_ground @ self.returned)
         if abs(total) < CARRIES_NOTHING_N or not self.reach.is_unique((on_ground @ self.adm.corners)[None]):
-            return None, on_ground
-        return total, on_ground
+            return None
+        return on_ground / total
 
     def _contact(self, name: str, patch: Patch, vertical: Array | None) -> ContactUniqueness:
         n, span = patch.axes[:, 2], self.adm.spans[name]
         normal = self._range(self._along(name, n))
-        corners = []
-        for at in range(span.start, span.stop, 3):
-            one = np.zeros(len(self.returned))
-            one[at : at + 3] = n
-            corners.append(self._range(one))
-        share = None
-        if vertical is not None and patch.against is None:
-            own = np.zeros(len(self.returned))
-            own[span] = vertical[span]
-            share = self._range(own)
+        corners = [self._range(self._on(slice(at, at + 3), n)) for at in range(span.start, span.stop, 3)]
+        share = self._range(self._on(span, vertical[span])) if vertical is not None and patch.against is None else None
         wrench = self.reach.is_unique(self.adm.rows[self.adm.problem.slices[name]])
         return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(name, patch, normal))
 

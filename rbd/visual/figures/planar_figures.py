@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array, check_whole
-from rbd.errors import InputError, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_known
 from rbd.visual.figures.planar_plots import PATH_COLOR
 from rbd.visual.figures.plots import an_axis, frame
 from rbd.visual.style import CONTACT_COLORS, rgb
@@ -105,8 +106,7 @@ def plot_ellipses(
         ('x [m]', 'y [m]')
     """
     an_axis(ax)
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"no ellipse is called {kind!r:.80}; {nearest(kind, KINDS)}.")
+    check_known("no ellipse is called", kind, KINDS, InputError)
     points = _points(chain, q_samples)
     q = np.atleast_2d(np.asarray(q_samples, float))
     shown = _along(points[:, -1], check_whole("count", count, MOST_STICKS))
@@ -116,16 +116,13 @@ def plot_ellipses(
     best = max((e.manipulability for e in ellipses), default=0.0) or 1.0
     drawn: list[Artist] = []
     notes: list[Artist] = []
-    outlines = []
     for sample, ellipse in zip(shown, ellipses, strict=True):
         drawn += _stick(ax, points[sample], 0.35, 2.2, zorder=2)
-        outlines.append(ellipse.points(120, scale=scale, longest=longest))
-        drawn += _outline(ax, outlines[-1], kind, ellipse.manipulability / best)
+        drawn += _outline(ax, ellipse.points(120, scale=scale, longest=longest), kind, ellipse.manipulability / best)
         drawn += _axes(ax, ellipse, scale, longest, kind)
         if kind == "manipulability":
             notes.append(_tag(ax, ellipse, scale, _short(ellipse.manipulability, best)))
-    notes.append(_key(ax, scale, kind, size))
-    drawn += notes + _base(ax, chain)
+    drawn += [*notes, _key(ax, scale, kind, size), *_base(ax, chain)]
     _stage(ax)
     return drawn
 
@@ -191,8 +188,7 @@ def _stage(ax: Axes) -> None:
     ax.margins(0.08)
     frame(ax)
     ax.locator_params(nbins=6)
-    ax.set_xlabel("x [m]")
-    ax.set_ylabel("y [m]")
+    ax.set(xlabel="x [m]", ylabel="y [m]")
 
 
 def _scale(ellipses: Sequence[Ellipse], size: float, kind: str) -> tuple[float, float]:
@@ -206,11 +202,9 @@ def _scale(ellipses: Sequence[Ellipse], size: float, kind: str) -> tuple[float, 
 
 
 def _outline(ax: Axes, outline: Array, kind: str, share: float) -> list[Artist]:
-    if kind == "force":
-        return list(ax.fill(*outline.T, fc=(*rgb(FORCE_COLOR), 0.12), ec=FORCE_COLOR, lw=1.5, zorder=4))
-    blue = rgb(CONTACT_COLORS[0])
-    filled = (*blue, 0.06 + 0.44 * share) if kind == "manipulability" else (*blue, 0.0)
-    return list(ax.fill(*outline.T, fc=filled, ec=CONTACT_COLORS[0], lw=1.5, zorder=4))
+    filled = {"force": 0.12, "manipulability": 0.06 + 0.44 * share, "velocity": 0.0}[kind]
+    color = FORCE_COLOR if kind == "force" else CONTACT_COLORS[0]
+    return list(ax.fill(*outline.T, fc=(*rgb(color), filled), ec=color, lw=1.5, zorder=4))
 
 
 def _axes(ax: Axes, ellipse: Ellipse, scale: float, longest: float, kind: str) -> list[Artist]:
@@ -245,7 +239,6 @@ def _key(ax: Axes, scale: float, kind: str, size: float) -> Artist:
     """The scale of lengths on paper, above the axes."""
     per, unit = ("1 N m", "N") if kind == "force" else ("1 rad/s", "m/s")
     bar = 10.0 ** np.floor(np.log10(0.25 * size))
-    title = f"{kind} ellipses: {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
-    if kind == "manipulability":
-        title = f"manipulability [m²]; {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
+    what = "manipulability [m²];" if kind == "manipulability" else f"{kind} ellipses:"
+    title = f"{what} {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
     return ax.set_title(title, loc="left", fontsize="small")

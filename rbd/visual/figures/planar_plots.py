@@ -65,12 +65,10 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
         >>> len(lines)  # x and y, or two angles, in each of eight panels
         16
     """
-    grid = some_axes(axes, (2, 4))
-    check_motion(motion)
+    grid = _axes_for(motion, axes, (2, 4))
     drawn: list[Artist] = []
     notes: list[Artist] = []
-    spaces = SPACES if motion.space == "endpoint" else SPACES[::-1]
-    for row, space in enumerate(spaces):
+    for row, space in enumerate(SPACES if motion.space == "endpoint" else SPACES[::-1]):
         names, colors = _curves(motion, space)
         kinds = ("x", "v", "a", "j") if space == "endpoint" else ("q", "qd", "qdd", "qddd")
         for column, (kind, title) in enumerate(zip(kinds, ROWS[space], strict=True)):
@@ -84,9 +82,8 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
             _dress(ax, motion, title)
             if row == 1:
                 ax.set_xlabel("time [s]")
-        first = grid[row, 0]
-        first.set_ylabel("end point" if space == "endpoint" else ANGLES.get(motion.chain.angles, "angles"))
-        _legend(first, ncols=-(-len(names) // 6))
+        grid[row, 0].set_ylabel("end point" if space == "endpoint" else ANGLES.get(motion.chain.angles, "angles"))
+        _legend(grid[row, 0], ncols=-(-len(names) // 6))
     return drawn + notes
 
 
@@ -115,24 +112,20 @@ def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
         array([[1. , 0.5],
                [0.5, 1. ]])
     """
-    plane, joints = some_axes(axes, (2,))
-    check_motion(motion)
+    plane, joints = _axes_for(motion, axes, (2,))
     drawn = _path(plane, motion, motion.x[:, 0], motion.x[:, 1], PATH_COLOR, "end point")
-    plane.set_xlabel("x [m]")
-    plane.set_ylabel("y [m]")
+    plane.set(xlabel="x [m]", ylabel="y [m]")
     plane.set_title("end-point space", loc="left")
     plane.set_aspect("equal", adjustable="datalim")
     names, colors = _curves(motion, "joint")
     q = np.degrees(motion.q)
     if motion.chain.n == 1:
         drawn += _path(joints, motion, motion.t, q[:, 0], colors[0], names[0])
-        joints.set_xlabel("time [s]")
-        joints.set_ylabel(f"{names[0]} [°]")
+        joints.set(xlabel="time [s]", ylabel=f"{names[0]} [°]")
     else:
         for k in range(1, motion.chain.n):
             drawn += _path(joints, motion, q[:, 0], q[:, k], colors[k if motion.chain.n > 2 else 0], names[k])
-        joints.set_xlabel(f"{names[0]} [°]")
-        joints.set_ylabel(f"{names[1]} [°]" if motion.chain.n == 2 else "further angles [°]")
+        joints.set(xlabel=f"{names[0]} [°]", ylabel=f"{names[1]} [°]" if motion.chain.n == 2 else "further angles [°]")
         if motion.chain.n > 2:
             _legend(joints)
     space = "joint space" if motion.chain.angles == "joint" else f"space of the {ANGLES[motion.chain.angles]}"
@@ -166,8 +159,7 @@ def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
         >>> len(rbd.visual.plot_split(Figure().subplots(1, 3), reach))  # x and y of the sum and of the part, in three panels
         12
     """
-    panels = some_axes(axes, (3,))
-    check_motion(motion)
+    panels = _axes_for(motion, axes, (3,))
     parts = [np.asarray(getattr(motion.split, part), float) for part in PARTS]
     everything = np.hstack([motion.a, *parts])
     low, high = float(everything.min()), float(everything.max())
@@ -180,18 +172,17 @@ def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
                 drawn += ax.plot(motion.t, curve, color=color, label=name + suffix, zorder=3, **style)
         _dress(ax, motion, title)
         ax.axhline(0.0, color="0.75", lw=0.8, zorder=1)
-        ax.set_xlabel("time [s]")
-        ax.set_ylim(low - room, high + 4.0 * room)  # with room for the legend
+        ax.set(xlabel="time [s]", ylim=(low - room, high + 4.0 * room))  # with room for the legend
     panels[0].set_ylabel("acceleration of the end point [m/s²]")
     _legend(panels[0], loc="upper left", ncols=2)
     return drawn
 
 
-def some_axes(axes: object, shape: tuple[int, ...]) -> Array:
-    """Matplotlib axes in an array of a shape.
+def _axes_for(motion: object, axes: object, shape: tuple[int, ...]) -> Array:
+    """Matplotlib axes in an array of a shape, for a motion of a planar chain.
 
     Raises:
-        InputError: if they are others.
+        InputError: if they are others, or it is none.
     """
     grid = np.array(axes, dtype=object)
     if grid.shape != shape:
@@ -200,29 +191,18 @@ def some_axes(axes: object, shape: tuple[int, ...]) -> Array:
         raise InputError(f"axes are {came}; expected {' x '.join(map(str, shape))} Matplotlib axes, e.g. {how}.")
     for ax in grid.flat:
         an_axis(ax)
-    return grid
-
-
-def check_motion(motion: object) -> None:
-    """Refuse an object that is not a motion of a planar chain.
-
-    Raises:
-        InputError: if it is none.
-    """
     if not is_planar(motion):
         raise InputError(f"motion is {motion!r:.80}; expected what rbd.planar.endpoint_motion or joint_motion returns.")
-
-
-def angle_names(count: int) -> list[str]:
-    """Names of the angles in plots."""
-    return ["$\\theta$"] if count == 1 else [f"$\\theta_{{{k + 1}}}$" for k in range(count)]
+    return grid
 
 
 def _curves(motion: PlanarMotion, space: str) -> tuple[list[str], list[str]]:
     """Names and colours of the curves of a row."""
     if space == "endpoint":
         return ["x", "y"], [X_COLOR, Y_COLOR]
-    return angle_names(motion.chain.n), [ANGLE_COLORS[k % len(ANGLE_COLORS)] for k in range(motion.chain.n)]
+    angles = range(motion.chain.n)
+    names = ["$\\theta$"] if len(angles) == 1 else [f"$\\theta_{{{k + 1}}}$" for k in angles]
+    return names, [ANGLE_COLORS[k % len(ANGLE_COLORS)] for k in angles]
 
 
 def _path(ax: Axes, motion: PlanarMotion, across: Array, up: Array, color: str, name: str) -> list[Artist]:

@@ -13,6 +13,7 @@ import numpy as np
 from rbd.answers.analysis.uniqueness import Range, Uniqueness
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.visual.style import contact_colors
 
 if TYPE_CHECKING:
@@ -48,8 +49,7 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
         ('normal force [N]; bar: possible with the same motion, dot: returned', 10)
     """
     an_axis(ax)
-    if not isinstance(uniqueness, Uniqueness):
-        raise InputError(f"uniqueness is {uniqueness!r:.80}; expected what solution.uniqueness() returns.")
+    check_kind("uniqueness", uniqueness, Uniqueness, "what solution.uniqueness() returns")
     lines: list[tuple[str, Range, str, float]] = []
     colors = contact_colors(uniqueness.contacts)
     for name, contact in uniqueness.contacts.items():
@@ -67,10 +67,9 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
             if math.isinf(end):
                 arrows += ax.plot([edge], [y], marker, color=color, ms=8.0, clip_on=False)
     ax.set_yticks(range(len(lines)), [label for label, _, _, _ in lines])
-    ax.set_ylim(len(lines) - 0.4, -0.6)
-    ax.set_xlim(low, high)
     ax.axvline(0.0, color="0.6", lw=0.8, zorder=0)
-    ax.set_xlabel("normal force [N]; bar: possible with the same motion, dot: returned")
+    words = "normal force [N]; bar: possible with the same motion, dot: returned"
+    ax.set(xlim=(low, high), ylim=(len(lines) - 0.4, -0.6), xlabel=words)
     return drawn + arrows
 
 
@@ -107,12 +106,6 @@ def frame(ax: Axes, grid: Literal["x", "y", "both"] | None = None) -> None:
         ax.grid(axis=grid, color="0.92", lw=0.7, zorder=0)
 
 
-def note(ax: Axes, x: float, y: float, text: str, **style: Any) -> Artist:
-    """Small print on a white ground in a corner of the axes, e.g. where a curve is cut off."""
-    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": style.pop("pad")}
-    return ax.text(x, y, text, transform=ax.transAxes, ha="right", color="0.3", bbox=ground, zorder=5, **style)
-
-
 def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, often: float) -> list[Artist]:
     """Limits of an axis that show most samples well; a note of the largest if that is cut off.
 
@@ -137,7 +130,9 @@ def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, of
     told = f"{peak:,.0f}" if abs(peak) >= 1000.0 else f"{peak:g}"
     text = f"cut off: {told} {unit}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
     y, va = (0.97, "top") if peak > high else (0.03, "bottom")
-    return [note(ax, 0.97, y, text, va=va, fontsize="x-small", pad=1.0)]
+    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    style: dict[str, Any] = {"ha": "right", "va": va, "color": "0.3", "fontsize": "x-small", "bbox": ground, "zorder": 5}
+    return [ax.text(0.97, y, text, transform=ax.transAxes, **style)]
 
 
 def _limits(ranges: list[Range]) -> tuple[float, float]:

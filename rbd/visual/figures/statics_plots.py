@@ -10,6 +10,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.state import State
 from rbd.model.world import LEAST_FALL, along_gravity, is_along_z
 from rbd.statics.pushes import PushLimits
@@ -151,8 +152,7 @@ def plot_wrench_cone(ax: Axes, cone: ContactWrenchCone) -> list[Artist]:
                [-0.495,  0.495]])
     """
     an_axis(ax)
-    if not isinstance(cone, ContactWrenchCone):
-        raise InputError(f"cone is {cone!r:.80}; expected what rbd.statics.wrench_cone returns.")
+    check_kind("cone", cone, ContactWrenchCone, "what rbd.statics.wrench_cone returns")
     corners = cone.leans()
     drawn: list[Artist] = []
     if len(corners):
@@ -207,8 +207,7 @@ def _limits(ax: Axes, regions: Sequence[SupportRegion | ZmpRegion]) -> None:
     points += [_seen(state, r.patch.corners_W) for region in regions for r in region.loads.rows if r.patch is not None]
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     room = _ROOM * max(float((high - low).max()), 0.05)
-    ax.set_xlim(low[0] - room, high[0] + room)
-    ax.set_ylim(low[1] - room, high[1] + room)
+    ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
 
 
 _MARKERS = "os^Dv*PX"
@@ -258,9 +257,8 @@ def plot_directions(
     angles = _angles(directions)
     if not isinstance(curves, Mapping) or not all(isinstance(name, str) for name in curves):
         raise InputError(f"curves are {curves!r:.80}; expected {{name: sizes}}.")
-    for what, text in (("quantity", quantity), ("unit", unit)):
-        if not isinstance(text, str):
-            raise InputError(f"{what} is {text!r:.80}; expected text.")
+    check_kind("quantity", quantity, str, "text")
+    check_kind("unit", unit, str, "text")
     sizes = {name: _sizes(name, given, len(angles)) for name, given in curves.items()}
     order = np.argsort(angles, kind="stable")
     closed = np.append(order, order[:1])

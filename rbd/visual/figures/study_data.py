@@ -154,9 +154,7 @@ class StudyData:
                 "dataset.isel({'friction': slice(None, None, 10)}), or average them first."
             )
         if whole["ok"].dtype.kind != "b":
-            raise InputError(
-                f"ok has values of type {whole['ok'].dtype}; expected truth values, as rbd.study returns them."
-            )
+            raise InputError(f"ok has values of type {whole['ok'].dtype}; expected truth values, as rbd.study returns them.")
         asked = [name for name in named if isinstance(name, str)]
         single = {d: 0 for d in whole["ok"].dims if whole.sizes[d] == 1 and d not in asked}
         self.dataset = whole.isel(single)
@@ -235,10 +233,11 @@ class StudyData:
             name = self._default()
         shown = self._selected(name)
         values, label, attributes = self.flat(shown), str(name), shown.attrs
-        if name == "reason":
-            return _of_codes(label, values, {int(c): _reason_text(int(c), attributes) for c in np.unique(values)})
+        texts = _meanings(attributes)
+        if name == "reason":  # of a code that this version does not know, what the dataset says of it
+            texts |= {reason.code: reason.value for reason in Reason}
+            return _of_codes(label, values, {int(c): texts.get(int(c), f"reason {c}") for c in np.unique(values)})
         if "flag_values" in attributes:
-            texts = _meanings(attributes)
             return _of_codes(label, values, {int(c): texts.get(int(c), str(int(c))) for c in np.unique(values) if c != -1})
         if values.dtype.kind == "b":
             known = True if name == "ok" else self.flat(self.dataset["ok"])
@@ -345,12 +344,6 @@ def _meanings(attributes: Mapping[str, Any]) -> dict[int, str]:
     """{code: its meaning}, as a dataset says of its flags."""
     codes = [int(code) for code in np.atleast_1d(attributes.get("flag_values", []))]
     return dict(zip(codes, str(attributes.get("flag_meanings", "")).split(), strict=False))
-
-
-def _reason_text(code: int, attributes: Mapping[str, Any]) -> str:
-    """The text of a code; of one that this version does not know, what the dataset says of it."""
-    known = {reason.code: reason.value for reason in Reason}
-    return known[code] if code in known else _meanings(attributes).get(code, f"reason {code}")
 
 
 def _of_codes(label: str, codes: Array, texts: Mapping[int, str]) -> Quantity:

@@ -158,31 +158,34 @@ def _maps(data: StudyData, x: str, y: str | None, shown: Quantity, by: str | Non
     axes, own, drawn = _panels(samples, _groups(data, by), ax, (PANEL[0], tall), (6.8, tall + 0.9), draw_map)
     nothing = ~shown.there & ~samples.not_run
     keys = _category_keys(samples, cells=True)
-    for which, text, look in (
-        (nothing & ~samples.ok, "not ok", NO_VALUE),
-        (nothing & samples.ok, "ok, without a finite value", NO_VALUE),
-        (samples.not_run, "not run", WAITING),
-    ):
-        keys += _key(text, which, cells=True, **look, **_HATCH)
+    keys += _key("not ok", nothing & ~samples.ok, cells=True, **NO_VALUE, **_HATCH)
+    keys += _key("ok, without a finite value", nothing & samples.ok, cells=True, **NO_VALUE, **_HATCH)
+    keys += _key("not run", samples.not_run, cells=True, **WAITING, **_HATCH)
     _legend(axes, own, keys + _named(drawn, _EDGE["label"]), shown.label if shown.categories else "")
     return drawn
 
 
 def _curves(data: StudyData, x: str, shown: Quantity, by: str | None, ax: object) -> list[Artist]:
     """The value over one dimension, a line for each value of another one."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import to_hex
+
     axis = None if by is None else data.axis("by", by)
     everything = np.ones(len(shown.values), bool)
     groups = [("", everything)] if axis is None else axis.groups()
     few = axis is None or bool(axis.words) or len(groups) <= FEW
-    colors = distinct_colors(len(groups)) if few or axis is None else _on_a_scale(axis)
+    scale = None if few or axis is None else ScalarMappable(_scale_of(axis), NUMBERS)
+    colors = (
+        distinct_colors(len(groups))
+        if scale is None or axis is None
+        else [to_hex(c) for c in scale.to_rgba(np.unique(axis.at))]
+    )
     (one,), own = _axes(ax, 1, (7.0, 4.2))
     samples = Samples(data.axis("x", x), Axis(shown.label, shown.label, shown.values), None, *data.states())
     families = [(name, color, samples.some(which)) for (name, which), color in zip(groups, colors, strict=True)]
     drawn = draw_curves(one, families)
-    if axis is not None and not few:
-        from matplotlib.cm import ScalarMappable
-
-        dress(one.figure.colorbar(ScalarMappable(_scale_of(axis), NUMBERS), ax=one).ax, axis, "y")
+    if axis is not None and scale is not None:
+        dress(one.figure.colorbar(scale, ax=one).ax, y=axis)
     keys = drawn[: len(groups)] * (few and axis is not None) + _key("not ok", samples.bad, **_CROSS)
     keys += _named(drawn, _RING["label"]) + _key("not run", samples.not_run, ls="")
     _legend([one], own, keys, axis.label if few and axis is not None else "")
@@ -295,10 +298,8 @@ def draw_map(ax: Axes, samples: Samples, norm: Normalize | None) -> list[Artist]
     pieces = [] if x.words else _borders(across, up, good, bad)
     pieces += [] if y.words else [ends[:, :, ::-1] for ends in _borders(up, across, good.T, bad.T)]
     drawn += _boundary(ax, np.concatenate([np.zeros((0, 2, 2)), *pieces]))
-    dress(ax, x, "x")
-    dress(ax, y, "y")
-    ax.set_xlim(across[0], across[-1])
-    ax.set_ylim(up[0], up[-1])
+    dress(ax, x=x, y=y)
+    ax.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
     return drawn
 
 
@@ -315,9 +316,7 @@ def _boundary(ax: Axes, segments: Array) -> list[Artist]:
     if not len(segments):
         return []
     width = 2.2 if len(segments) <= MOST_PIECES else 0.4
-    line = LineCollection(list(segments), linewidths=width, capstyle="round", zorder=3, **_EDGE)
-    ax.add_collection(line)
-    return [line]
+    return [ax.add_collection(LineCollection(list(segments), linewidths=width, capstyle="round", zorder=3, **_EDGE))]
 
 
 def _cells(ax: Axes, across: Array, up: Array, which: Array, look: Mapping[str, Any]) -> list[Artist]:
@@ -333,9 +332,7 @@ def _cells(ax: Axes, across: Array, up: Array, which: Array, look: Mapping[str, 
         return [ax.pcolormesh(across, up, np.ma.masked_array(which, ~which), cmap=ListedColormap([look["facecolor"]]))]
     left, right, low, high = across[i], across[i + 1], up[first], up[last]
     corners = np.stack([np.column_stack(p) for p in ((left, low), (right, low), (right, high), (left, high))], axis=1)
-    cells = PolyCollection(list(corners), **look, **_HATCH)
-    ax.add_collection(cells)
-    return [cells]
+    return [ax.add_collection(PolyCollection(list(corners), **look, **_HATCH))]
 
 
 def draw_curves(ax: Axes, families: list[tuple[str, str, Samples]]) -> list[Artist]:
@@ -366,19 +363,10 @@ def draw_curves(ax: Axes, families: list[tuple[str, str, Samples]]) -> list[Arti
         last = beside & np.isfinite(curve)
         if last.any() and not x.words:
             marks += ax.plot(at[last], curve[last], **_RING, mec=color, ms=7.5, zorder=5)
-    dress(ax, x, "x")
-    dress(ax, y, "y")
+    dress(ax, x=x, y=y)
     ax.margins(y=0.12)
     frame(ax, "y")
     return lines + marks
-
-
-def _on_a_scale(axis: Axis) -> list[str]:
-    """The colour of every value of an axis, on one scale."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    return [to_hex(color) for color in colormaps[NUMBERS](_scale_of(axis)(np.unique(axis.at)))]
 
 
 def _scale_of(axis: Axis) -> Normalize:
@@ -421,8 +409,7 @@ def draw_points(ax: Axes, samples: Samples, norm: Normalize | None) -> list[Arti
     for which, up, more in ((bad & there, y.at, {}), (low, np.full(len(ok), LOWEST), {"transform": ax.get_xaxis_transform()})):
         if which.any():
             drawn += ax.plot(x.at[which], up[which], **{**_CROSS, "mew": 1.0, "zorder": 2, **more})
-    dress(ax, x, "x")
-    dress(ax, y, "y")
+    dress(ax, x=x, y=y)
     frame(ax, "both")
     return drawn
 
@@ -459,23 +446,21 @@ def _norm(shown: Quantity) -> Normalize | None:
     return Normalize(low - half, high + half)
 
 
-def dress(ax: Axes, axis: Axis, which: str) -> None:
-    """Label, scale and words of an axis, "x" or "y"."""
-    chosen = ax.xaxis if which == "x" else ax.yaxis
-    chosen.set_label_text(axis.label)
-    if axis.words:
-        chosen.set_ticks([k for k, word in enumerate(axis.words) if word], [word for word in axis.words if word])
-        if which == "x" and sum(map(len, axis.words)) > 40:
-            ax.tick_params(axis="x", labelrotation=30)
-        return
-    if axis.scale == "log":
-        from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
+def dress(ax: Axes, **axes: Axis) -> None:
+    """Label, scale and words of axes, "x" or "y"."""
+    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
-        (ax.set_xscale if which == "x" else ax.set_yscale)("log")
-        chosen.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        chosen.set_major_formatter(lambda value, _: f"{value:g}")
-        chosen.set_minor_locator(NullLocator())
-        chosen.set_minor_formatter(NullFormatter())
+    for which, axis in axes.items():
+        chosen = ax.xaxis if which == "x" else ax.yaxis
+        chosen.set_label_text(axis.label)
+        if axis.words:
+            chosen.set_ticks([k for k, word in enumerate(axis.words) if word], [word for word in axis.words if word])
+            if which == "x" and sum(map(len, axis.words)) > 40:
+                ax.tick_params(axis="x", labelrotation=30)
+        elif axis.scale == "log":
+            ax.set(**{f"{which}scale": "log"})
+            chosen.set(major_locator=LogLocator(subs=(1.0, 2.0, 5.0)), minor_locator=NullLocator())
+            chosen.set(major_formatter=lambda value, _: f"{value:g}", minor_formatter=NullFormatter())
 
 
 def _axes(ax: object, count: int, size: tuple[float, float]) -> tuple[list[Axes], Figure | None]:
@@ -504,11 +489,10 @@ def _axes(ax: object, count: int, size: tuple[float, float]) -> tuple[list[Axes]
 
 def _category_keys(samples: Samples, *, cells: bool) -> list[Artist]:
     """Entries of the legend: each category that is there, with how many samples."""
-    shown = samples.shown
-    if shown is None:
+    if (shown := samples.shown) is None:
         return []
-    frame: dict[str, Any] = {"edgecolor": "0.6", "linewidth": 0.5} if cells else {"marker": "o", "ls": "", "ms": 6.0}
-    frame |= {} if cells else {"mec": "0.55", "mew": 0.5}
+    dot = {"marker": "o", "ls": "", "ms": 6.0, "mec": "0.55", "mew": 0.5}
+    frame: dict[str, Any] = {"edgecolor": "0.6", "linewidth": 0.5} if cells else dot
     keys: list[Artist] = []
     for i, (text, color) in enumerate(shown.categories):
         which = (shown.values == i) & ~samples.not_run
@@ -539,17 +523,14 @@ def _named(drawn: list[Artist], label: str) -> list[Artist]:
 
 def _legend(axes: list[Axes], figure: Figure | None, keys: list[Artist], title: str) -> None:
     """The legend: below all maps of a figure made here, above the last of the axes that were given."""
-    if figure is not None:
-        columns = min(3, len(axes))
-        for k, one in enumerate(axes):  # labels at the left and below alone
-            if k % columns:
-                one.set_ylabel("")
-            if k + columns < len(axes):
-                one.set_xlabel("")
-    if not keys:
-        return
+    across = min(3, len(axes))
+    for k, one in enumerate(axes if figure is not None else ()):  # labels at the left and below alone
+        if k % across:
+            one.set_ylabel("")
+        if k + across < len(axes):
+            one.set_xlabel("")
     columns = min(len(keys), 3 if len(axes) == 1 else 4)
-    if figure is not None:
+    if keys and figure is not None:
         figure.legend(handles=keys, title=title or None, loc="outside lower center", ncols=columns, **_LEGEND)
-    else:
+    elif keys:
         axes[-1].legend(handles=keys, title=title or None, loc="lower left", bbox_to_anchor=(0.0, 1.0), **_LEGEND)

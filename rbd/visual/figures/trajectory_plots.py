@@ -14,6 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.motion.report import MotionReport
@@ -80,20 +81,20 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
     colors = contact_colors((*trajectory.contacts, *trajectory.names))
     t, curves = trajectory.t, list[Array]()
     drawn: list[Artist] = []
-    notes: list[Artist] = []
     for name in chosen:
         force, color = trajectory.forces[name], colors[name]
         if name in trajectory.points:
-            horizontal = np.hypot(force[:, 0], force[:, 1])
-            drawn += ax.plot(t, force[:, 2], color=color, lw=_BOLD, label=name, zorder=3)
-            drawn += ax.plot(t, horizontal, color=color, lw=_FINE, alpha=0.8, zorder=2)
-            curves += [force[:, 2], horizontal]
-            continue
-        for k, row in enumerate(force.T):
-            label = name if force.shape[1] == 1 else f"{name}, row {k + 1}"
-            drawn += ax.plot(t, row, color=color, lw=_BOLD if k == 0 else _FINE, label=label, alpha=0.5 ** (k / 3), zorder=3)
-            curves.append(row)
-    notes += cut_peaks(ax, t, np.array(curves).T, "N", factor=_BURST, often=_OFTEN) if curves else []
+            rows = [force[:, 2], np.hypot(force[:, 0], force[:, 1])]
+            drawn += ax.plot(t, rows[0], color=color, lw=_BOLD, label=name, zorder=3)
+            drawn += ax.plot(t, rows[1], color=color, lw=_FINE, alpha=0.8, zorder=2)
+        else:
+            rows = list(force.T)
+            for k, row in enumerate(rows):
+                label = name if len(rows) == 1 else f"{name}, row {k + 1}"
+                look: dict[str, Any] = {"lw": _BOLD if k == 0 else _FINE, "alpha": 0.5 ** (k / 3), "zorder": 3}
+                drawn += ax.plot(t, row, color=color, label=label, **look)
+        curves += rows
+    notes = cut_peaks(ax, t, np.array(curves).T, "N", factor=_BURST, often=_OFTEN) if curves else []
     weight = trajectory.robot.mass * float(np.linalg.norm(trajectory.robot.gravity))
     carried = max((np.abs(trajectory.forces[x][:, :3]).max(initial=0.0) for x in chosen if x in trajectory.points), default=0.0)
     if trajectory.robot.floating and carried > 0.4 * weight:
@@ -210,20 +211,16 @@ def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> lis
         >>> [axes.get_ylabel() for axes in artists[0].figure.axes]
         ['missing wrench, % of the weight', 'motor torques, % of their limits']
     """
-    if not isinstance(report, MotionReport):
-        raise InputError(f"report is {report!r:.80}; expected what rbd.check_motion returned.")
+    check_kind("report", report, MotionReport, "what rbd.check_motion returned")
     given, t = _two_axes(axes), report.motion.t
     charts = report_charts(report, ["missing wrench"])
     charts += [made for made in report_charts(report) if made.name == "torques"]
-    drawn: list[Artist] = []
-    for ax, made in zip(given, charts, strict=False):
-        drawn += draw_chart(ax, t, made)
+    drawn = [artist for ax, made in zip(given, charts, strict=False) for artist in draw_chart(ax, t, made)]
     for ax in given:
         low, high = ax.get_ylim()
         look: dict[str, Any] = {"color": "#d55e00", "alpha": 0.10, "lw": 0.0, "step": "mid", "label": "not possible"}
         drawn.append(ax.fill_between(t, low, high, where=~report.possible, **look))
-        ax.set_ylim(low, high)
-        ax.set_xlim(float(t[0]), float(t[-1]))
+        ax.set(ylim=(low, high), xlim=(float(t[0]), float(t[-1])))
         ax.legend(frameon=False, fontsize=8, ncols=2)
     given[-1].set_xlabel("time [s]")
     return drawn
@@ -236,8 +233,7 @@ def draw_chart(ax: Axes, t: Array, chart: CurveChart) -> list[Artist]:
         above = 2 if line.color == GREY else 3
         drawn += ax.plot(t, line.values, label=line.name, color=line.color, lw=line.width, zorder=above)
     drawn += [ax.axhline(limit, color="0.2", lw=_FINE, ls="--", label=name) for name, limit in chart.limits.items()]
-    ax.set_ylim(chart.low, chart.top)
-    ax.set_ylabel(chart.title)
+    ax.set(ylim=(chart.low, chart.top), ylabel=chart.title)
     frame(ax, "y")
     return drawn
 
@@ -259,8 +255,7 @@ def _two_axes(axes: Any) -> list[Axes]:
 
 def _check(ax: Axes, trajectory: Trajectory) -> None:
     an_axis(ax)
-    if not isinstance(trajectory, Trajectory):
-        raise InputError(f"trajectory is {trajectory!r:.80}; expected what rbd.simulate returns.")
+    check_kind("trajectory", trajectory, Trajectory, "what rbd.simulate returns")
 
 
 def _chosen(trajectory: Trajectory, names: Sequence[str] | None) -> tuple[str, ...]:
@@ -278,8 +273,7 @@ def _chosen(trajectory: Trajectory, names: Sequence[str] | None) -> tuple[str, .
 
 def _dress(ax: Axes, trajectory: Trajectory, label: str) -> None:
     frame(ax, "y")
-    ax.set_xlabel("time [s]")
-    ax.set_ylabel(label)
+    ax.set(xlabel="time [s]", ylabel=label)
     if len(trajectory) > 1:
         ax.set_xlim(trajectory.t[0], trajectory.t[-1])
 
@@ -301,18 +295,15 @@ def _bands(ax: Axes, trajectory: Trajectory, names: Sequence[str], colors: dict[
     """One row a constraint below the axes, filled by its mode; the time axis moves below them."""
     height = _ROW * len(names)
     below = ax.inset_axes((0.0, -0.03 - height, 1.0, height), sharex=ax)
-    below.set_xlabel(ax.get_xlabel())
+    below.set(xlabel=ax.get_xlabel(), ylim=(len(names) - 0.5, -0.5), yticks=[])
     ax.set_xlabel("")
     ax.tick_params(axis="x", labelbottom=False, length=0)
-    below.set_ylim(len(names) - 0.5, -0.5)
-    below.set_yticks([])
     below.spines[["top", "right", "left"]].set_visible(False)
     out: list[Artist] = []
     for y, name in enumerate(names):
         out.append(below.axhline(y, color=colors[name], lw=_HAIR, alpha=0.6))
         for mode, style in _MODES.items():
-            spans = _spans(trajectory.t, trajectory.modes[name] == mode)
-            if spans:
+            if spans := _spans(trajectory.t, trajectory.modes[name] == mode):
                 out.append(below.broken_barh(spans, (y - 0.36, 0.72), zorder=2, **_filled(colors[name], style)))
     return out
 
@@ -417,21 +408,17 @@ def joint_curves(trajectory: Trajectory, joints: str | Sequence[str], what: str)
 
 
 def _curves(trajectory: Trajectory, name: str, what: str) -> list[Curve]:
-    robot = trajectory.robot
+    robot, joints = trajectory.robot, trajectory.robot.joints
     if not isinstance(name, str):
         raise InputError(f"no joint {name!r:.80}; expected the name of a joint, or a list of names.")
-    joints = robot.joints
     if what == "q" and name in joints and joints[name].is_continuous:
-        at = joints[name].q.start
-        angle = np.unwrap(np.arctan2(trajectory.q[:, at + 1], trajectory.q[:, at]))
-        return [Curve(name, "angle", ANGLE, angle, ())]
+        cosine, sine = trajectory.q[:, joints[name].q].T
+        return [Curve(name, "angle", ANGLE, np.unwrap(np.arctan2(sine, cosine)), ())]
     labels = joints.positions if what == "q" else robot.motor_coordinates if what == "tau" else joints.velocities
-    found = [i for i, c in enumerate(labels) if name in (c.name, c.joint)]
-    if not found:
+    if not (found := [i for i, c in enumerate(labels) if name in (c.name, c.joint)]):
         if what == "tau" and any(name in (c.name, c.joint) for c in joints.velocities):
             raise InputError(f"{name!r:.80} carries no motor; {nearest(name, [c.name for c in labels])}.")
-        known = [*joints, *(c.name for c in labels)]
-        raise InputError(f"no joint {name!r:.80} in {robot.name}; {nearest(name, known)}.")
+        raise InputError(f"no joint {name!r:.80} in {robot.name}; {nearest(name, [*joints, *(c.name for c in labels)])}.")
     values = getattr(trajectory, what)
     lines = robot.limits_at(trajectory.v) if what == "tau" and robot.torque_lines else ()
     both = {i: tuple(each[:, i] for each in lines) if lines and robot.torque_lines.has(i) else () for i in found}
@@ -451,13 +438,11 @@ def _quantity(coordinate: Coordinate, what: str) -> tuple[str, str]:
 
 def _limits(robot: CheckedModel, i: int, what: str) -> tuple[float, ...]:
     """Limits of entry i; none if the file states none."""
-    model = robot.model
-    both: tuple[float, ...] = ()
+    model, both = robot.model, tuple[float, ...]()
     if what == "q":
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
         both = (low, high) if low < high else ()
-    elif what == "v":
-        both = (-float(model.velocityLimit[i]), float(model.velocityLimit[i]))
-    elif what == "tau":
-        both = (-float(robot.effort_limit[i]), float(robot.effort_limit[i]))
+    elif what in ("v", "tau"):
+        most = float(model.velocityLimit[i] if what == "v" else robot.effort_limit[i])
+        both = (-most, most)
     return tuple(x for x in both if math.isfinite(x) and 0.0 < abs(x) < _NONE or x == 0.0 and what == "q")

@@ -94,37 +94,27 @@ def shown_elements(state: State, external: Any) -> tuple[list[ShownElement], lis
     Raises:
         InputError: where an element has no force at this state, e.g. at zero length.
     """
-    shown, unshown = list[ShownElement](), list[str]()
-    for element in elements_of(external):
-        found = shown_element(state, element)
-        if found is None:
-            unshown.append(element.name)
-        else:
-            shown.append(found)
+    found = [(element.name, shown_element(state, element)) for element in elements_of(external)]
+    unshown = [name for name, shown in found if shown is None]
     words = [f"Not drawn: force elements that act at no one place ({joined(unshown)})."] if unshown else []
-    return shown, words
+    return [shown for _, shown in found if shown is not None], words
 
 
 def shown_element(state: State, element: ForceElement) -> ShownElement | None:
     """A force element at a state; None if it has no method `picture`."""
     picture = getattr(element, "picture", None)
-    if not callable(picture):
-        return None
-    given = picture(state)
-    shape = _SHAPES.get(given.kind)
+    given: Any = picture(state) if callable(picture) else None
+    shape = _SHAPES.get(getattr(given, "kind", ""))
     if shape is None:
         return None
-    points, axis, unit = np.asarray(given.points, float), given.axis, "N"
     joint = getattr(element, "joint", None)
     slides = joint is not None and given.axis is not None and state.robot.joints[joint].unit == "m"
-    if shape in ("spiral", "drum") and not slides:
-        unit = "N m"
-        if axis is None:
-            axis = np.array([0.0, 0.0, 1.0])
+    turns = shape in TURNED and not slides
     if slides:
         shape = "coil" if shape == "spiral" else "cylinder"
-    direction = np.zeros(3) if axis is None else np.asarray(axis, float)
-    return ShownElement(element.name, shape, points, direction, given.value, unit)
+    axis = np.array([0.0, 0.0, float(turns)]) if given.axis is None else np.asarray(given.axis, float)
+    unit = "N m" if turns else "N"
+    return ShownElement(element.name, shape, np.asarray(given.points, float), axis, given.value, unit)
 
 
 def color_of(element: ShownElement, sizes: Sizes) -> str:
@@ -144,9 +134,8 @@ def element_marks(place: int, element: ShownElement, sizes: Sizes) -> list[Mark]
     """The marks of a force element at one place."""
     color, path = color_of(element, sizes), f"force_elements/{place}"
     start, end = ends_of(element, sizes)
-    lines = [line for line in (element.size, element.detail) if line]
-    lines.append(f"from {numbers(start)} to {numbers(end)} m")
-    label = Label(element.name, tuple(lines), 0.5 * (start + end), tag=False)
+    lines = (element.size, element.detail, f"from {numbers(start)} to {numbers(end)} m")
+    label = Label(element.name, tuple(line for line in lines if line), 0.5 * (start + end), tag=False)
     along, marks = end - start, list[Mark]()
     origin, axes = (end, axes_along(element.axis)) if element.shape in TURNED else (start, axes_along(along))
     pieces = element_pieces(element.shape, float(np.linalg.norm(along)), sizes)
@@ -203,7 +192,7 @@ def element_pieces(shape: str, length: float, sizes: Sizes) -> list[ElementPiece
         mesh = shapes.tube(coil(long, min(r, 0.5 * long + wire), turns_of(long, r)), wire)
         return [ElementPiece(Mesh(mesh.vertices / [1.0, 1.0, long], mesh.faces), stretched=True)]
     if shape == "cylinder":
-        body, thin = 0.4 * length, Mesh(rod.vertices * [1.0, 1.0, 0.15 * length], rod.faces)
+        body, thin = 0.4 * length, rod.scaled([1.0, 1.0, 0.15 * length])
         middle = 0.15 * length + 0.5 * body
         return [ElementPiece(shapes.cylinder(0.8 * r, body), middle), ElementPiece(thin), ElementPiece(rod, middle, True)]
     if shape == "bushing":

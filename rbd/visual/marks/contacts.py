@@ -21,7 +21,7 @@ from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
 
 if TYPE_CHECKING:
     from rbd.answers.solution import Solution
-    from rbd.problem.rows import Patch
+    from rbd.problem.rows import Patch, Rows
     from rbd.statics.actuation import Actuation
 
 # How far outside its patch rounding may put a centre of pressure.
@@ -48,14 +48,16 @@ def _outline(patch: Patch) -> Array:
     return convex_hull(patch.corners[:, :2])
 
 
+def rows_of(solution: Any) -> Sequence[Rows]:
+    """The rows of all constraints: of an `Actuation` its own, of a `Solution` those of its problem."""
+    return getattr(solution, "problem", solution).rows
+
+
 def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
     """Force of every contact of a solution; constraints without a patch, or without points in touch, are left out."""
     out = []
     forces: Mapping[str, Array] = solution.forces
-    split: Mapping[str, Array] = solution.corner_forces
-    # An `Actuation` carries its rows itself, a `Solution` its problem.
-    keeper: Any = getattr(solution, "problem", solution)
-    for rows in keeper.rows:
+    for rows in rows_of(solution):
         patch = rows.patch
         if patch is None or not len(patch.corners) or rows.name not in forces:
             continue
@@ -73,7 +75,7 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
                 ", ".join([*against, f"normal {number(contact.normal)} N", *friction]),
                 against=patch.against or "",
                 corners=patch.corners_W,
-                corner_forces=np.asarray(split.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3),
+                corner_forces=np.asarray(solution.corner_forces.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3),
                 patch=patch,
                 friction_used=contact.friction_used,
                 further=(f"normal {number(contact.normal)} N, tangential {number(contact.tangential)} N", *friction),
@@ -102,24 +104,21 @@ def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
         edge = primitives.line(outline, radius=sizes.line, closed=len(outline) > 2)
         marks.append(Mark(f"{at}/outline", (edge,), color, seen_through=True, label=place))
     if len(outline) <= 2:
-        radius, kind = ((2.0, "point") if len(outline) < 2 else (1.3, "ends"))
+        radius, kind = (2.0, "point") if len(outline) < 2 else (1.3, "ends")
         dots = primitives.ball(radius * sizes.shaft, outline if len(outline) == 2 else patch.point)
         marks.append(Mark(f"{at}/{kind}", (dots,), color, seen_through=True, label=place))
     if patch.friction:
-        marks += _cone_marks(contact, patch, color, sizes)
+        marks += _cone_marks(contact, patch, patch.friction, color, sizes)
     return marks + force_marks(contact, color, sizes)
 
 
-def _cone_marks(contact: ShownForce, patch: Patch, color: str, sizes: Sizes) -> list[Mark]:
+def _cone_marks(contact: ShownForce, patch: Patch, friction: float | Cone, color: str, sizes: Sizes) -> list[Mark]:
     """The set of forces of a point with a load, as far as it has a shape to draw, at the point where the resultant acts."""
-    friction = patch.friction
-    assert friction is not None
     given = friction if isinstance(friction, Cone) else FrictionCone(friction)
     rim = given.rim()
     if not len(rim):
         return []
-    longest = float(np.linalg.norm(rim, axis=1).max())
-    rim = contact.start + sizes.cone / longest * rim @ patch.axes.T
+    rim = contact.start + sizes.cone / float(np.linalg.norm(rim, axis=1).max()) * rim @ patch.axes.T
     words = f"forces in a {type(given).__name__}"
     if not isinstance(friction, Cone):
         words = f"mu {friction:g}, half angle {np.degrees(np.arctan(friction)):.0f} degrees"

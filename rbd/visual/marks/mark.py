@@ -144,11 +144,10 @@ def numbers(values: Array, digits: int = 4) -> str:
     """Numbers in parentheses, rounded to a number of digits of the largest: '(0, 12.3, 448.1)'."""
     values = np.atleast_1d(np.asarray(values, float))
     most = float(np.abs(values).max(initial=0.0))
-    places = max(0, digits - 1 - int(np.floor(np.log10(most)))) if 1e-12 < most < 1e12 else 0
     if most >= 1e12:
         return "(" + ", ".join(f"{x:.{digits}g}" for x in values) + ")"
-    rounded = np.round(values, places) + 0.0  # + 0.0 turns the -0 of rounding into 0
-    words = [f"{x:.{places}f}" for x in rounded]
+    places = max(0, digits - 1 - int(np.floor(np.log10(most)))) if most > 1e-12 else 0
+    words = [f"{x:.{places}f}" for x in np.round(values, places) + 0.0]  # + 0.0 turns the -0 of rounding into 0
     return "(" + ", ".join(word.rstrip("0").rstrip(".") if "." in word else word for word in words) + ")"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -86,9 +86,7 @@ def motor_torques(state: State, solution: Solution | Actuation | None) -> list[S
     tau = _tau(solution)
     if tau is None or len(tau) != robot.nu:
         return []
-    where = [int(i) for i in robot.actuated]
-    names = [c.name for c in robot.motor_coordinates]
-    axes = joint_axes(state, where)
+    names, axes = [c.name for c in robot.motor_coordinates], joint_axes(state, robot.actuated)
     least, most = robot.limits_at(state.v)
     limits = np.where(tau < 0.0, -least, most)
     return [
@@ -110,13 +108,13 @@ def _tau(solution: Any) -> Array | None:
     return np.where(np.abs(tau) > rounding, tau, 0.0)
 
 
-def joint_axes(state: State, coordinates: Sequence[int]) -> list[tuple[Array, Array, bool]]:
+def joint_axes(state: State, coordinates: Iterable[int]) -> list[tuple[Array, Array, bool]]:
     """(origin [m], unit axis, whether it slides) in W of some coordinates of v."""
     model, data = state.robot.model, state.robot.model.createData()
     pin.computeJointJacobians(model, data, np.asarray(state.q, float))
     owner = {i: j for j in range(1, model.njoints) for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])}
     out = []
-    for i in coordinates:
+    for i in map(int, coordinates):
         j = owner[i]
         column = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED).reshape(6, model.nv)[:, i]
         slides = float(np.linalg.norm(column[3:])) < 1e-9
@@ -139,13 +137,12 @@ def constraint_torques(state: State, rows: Rows, forces: Array) -> list[ShownFor
     if not len(touched) or len(touched) > MOST_JOINTS or any(int(i) not in single for i in touched):
         return None
     torques, out = rows.J.T @ forces, []
-    for i, (point, axis, slides) in zip(touched, joint_axes(state, [int(i) for i in touched]), strict=True):
+    for i, (point, axis, slides) in zip(touched, joint_axes(state, touched), strict=True):
         vector, name = torques[i] * axis, single[int(i)]
         force, moment = (vector, np.zeros(3)) if slides else (np.zeros(3), vector)
         detail = f"{number(float(torques[i]))} {'N' if slides else 'N m'} on joint {name}"
         path, layer = f"joints/{node(rows.name)}/{node(name)}", "forces" if slides else "moments"
-        stop = ShownForce(path, rows.name, force, point, moment, detail, layer, LIMITED_COLOR, many="at joints")
-        out.append(stop)
+        out.append(ShownForce(path, rows.name, force, point, moment, detail, layer, LIMITED_COLOR, many="at joints"))
     return out
 
 
@@ -164,8 +161,7 @@ def torque_marks(torques: Sequence[ShownTorque], sizes: Sizes) -> list[Mark]:
         else:
             color = share_color(share)
         at, size = f"torques/{node(t.name)}", float(np.copysign(min(share, 1.0), t.value))
-        heads = 2 if share > 1.0 else 1
-        used, track = _bar(t, size, sizes) if t.slides else _arc(t, size, heads, sizes)
+        used, track = _bar(t, size, sizes) if t.slides else _arc(t, size, 2 if share > 1.0 else 1, sizes)
         label = Label(t.name, t.lines, t.point + sizes.arc * t.axis)
         marks.append(Mark(f"{at}/limit", (track,), color, 0.6, True, "joint torques", replace(label, tag=False)))
         if not used.empty:
@@ -236,8 +232,7 @@ def _loop(state: State, constraint: Constraint, f: Array) -> ShownForce:
     on, against = (second, first) if robot.site(second)[0] else (first, second)
     against = against if robot.site(against)[0] else ""
     detail = f"on {on}" + (f", {against} gets the opposite" if against else "")
-    moment = f[3:] if len(f) == 6 else np.zeros(3)
-    name = constraint.name
+    moment, name = f[3:] if len(f) == 6 else np.zeros(3), constraint.name
     loop = ShownForce(f"loops/{node(name)}", name, f[:3], point, moment, detail, "loop forces", LOOP_COLOR, on, against, 0.8)
     return replace(loop, many="loops", pin=True)
 
@@ -248,10 +243,7 @@ def _points(state: State, constraint: Constraint | None, rows: Rows, f: Array) -
     seen = view(state, 0.0) if callable(view) else None
     if not isinstance(seen, ContactPoints) or len(seen.J) != len(rows):
         return None
-    axes, forces, at = np.broadcast_to(seen.axes, (len(seen.positions), 3, 3)), [], 0
-    for R, cone in zip(axes, seen.cones, strict=True):
-        forces.append(R[:, 3 - cone.dim :] @ f[at : at + cone.dim])
-        at += cone.dim
-    points, each = np.asarray(seen.positions), np.array(forces)
+    axes, parts = np.broadcast_to(seen.axes, (len(seen.positions), 3, 3)), np.split(f, np.cumsum([c.dim for c in seen.cones]))
+    points, each = np.asarray(seen.positions), np.array([R[:, 3 - len(p) :] @ p for R, p in zip(axes, parts, strict=False)])
     shown = ShownForce(f"points/{node(rows.name)}", rows.name, each.sum(axis=0), points.mean(axis=0))
     return replace(shown, corners=points, corner_forces=each, detail=f"sum of {len(points)} points")

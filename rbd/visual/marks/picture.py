@@ -27,6 +27,7 @@ from rbd.visual.marks.contacts import (
     contact_marks,
     ground_under,
     not_supporting,
+    rows_of,
     shown_forces,
     support_marks,
     support_outline,
@@ -85,8 +86,7 @@ class Picture:
         if solution is not None:
             constraints: Any = getattr(origin_of(solution), "constraints", ())
             contacts, given = shown_forces(solution), {constraint.name: constraint for constraint in constraints}
-            keeper: Any = getattr(solution, "problem", solution)
-            others, left_out = other_forces(state, keeper.rows, solution.forces, given)
+            others, left_out = other_forces(state, rows_of(solution), solution.forces, given)
         return cls(
             np.asarray(state.com, float),
             tuple(contacts),
@@ -112,22 +112,15 @@ class Picture:
             sizes: Of the marks.
             without: Layers to leave out.
         """
-        drawn: list[Mark] = []
-        for i, surface in enumerate(self.surfaces):
-            drawn += surface_marks(i, surface, sizes)
+        drawn = [mark for i, surface in enumerate(self.surfaces) for mark in surface_marks(i, surface, sizes)]
         drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts), self.gravity)
         drawn += support_marks(self.outline, sizes)
         for force in self.forces:
             draw = force_marks if force.patch is None else contact_marks
             drawn += draw(force, force.color or colors[force.name], sizes)
         drawn += torque_marks(() if "joint torques" in without else self.torques, sizes)
-        for i, element in enumerate(self.elements):
-            drawn += element_marks(i, element, sizes)
+        drawn += [mark for i, element in enumerate(self.elements) for mark in element_marks(i, element, sizes)]
         return [mark for mark in drawn if len(mark.points) and mark.layer not in without]
-
-    def has_moments(self, sizes: Sizes) -> bool:
-        """Whether an arc of a moment is drawn."""
-        return abs(moment_angle(self.largest_moment, sizes)) >= SMALLEST_ARC
 
     @property
     def largest_moment(self) -> float:
@@ -148,7 +141,7 @@ Entry = dict[str, str | list[str]]
 LEAST_LISTED = 0.01
 """Motors below this share of their limit are not listed."""
 LISTED = 6
-"""Of more loops, stops or torques than this the largest are listed."""
+"""Of more loops or stops than this the largest are listed."""
 
 
 def entry(color: str, name: str, value: str = "", detail: str | list[str] = "", layer: str = "") -> Entry:
@@ -188,9 +181,9 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
     for kind in dict.fromkeys(f.many for f in picture.forces):
         own = [f for f in picture.forces if f.many == kind]
         if kind:
-            own = sorted(own, key=lambda f: -f.size)
-        for f in own[: LISTED if kind else None]:
-            entries.append(entry(f.color or colors[f.name], f.name, f.value, f.detail, f.layer))
+            own.sort(key=lambda f: -f.size)
+        shown = own[: LISTED if kind else None]
+        entries += [entry(f.color or colors[f.name], f.name, f.value, f.detail, f.layer) for f in shown]
         if kind and len(own) > LISTED:
             entries.append(entry(own[0].color, f"and {len(own) - LISTED} more {kind}", layer=own[0].layer))
     return entries
@@ -211,10 +204,10 @@ def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:
         return []
     scale = f"{np.degrees(FULL_TURN):.0f} degrees of arc are a motor's limit; green 0 %, amber 50 %, red 100 %"
     entries = [entry(share_color(0.0), "joint torques", "", scale, "joint torques")]
-    for t in _largest([t for t in torques if t.share is not None and t.share >= LEAST_LISTED])[:3]:
-        assert t.share is not None
+    used = [(t.share, t) for t in torques if t.share is not None and t.share >= LEAST_LISTED]
+    for share, t in sorted(used, key=lambda each: -each[0])[:3]:
         value = f"{number(t.value)} {t.unit}"
-        entries.append(entry(share_color(t.share), t.name, value, f"{100.0 * t.share:.0f} % of its limit", "joint torques"))
+        entries.append(entry(share_color(share), t.name, value, f"{100.0 * share:.0f} % of its limit", "joint torques"))
     return entries
 
 
@@ -233,10 +226,10 @@ def _rest(picture: Picture) -> list[Entry]:
 
 def notes(picture: Picture, sizes: Sizes) -> list[str]:
     """What is left out of a picture, and its scales, in words."""
-    lines = list(picture.left_out(sizes))
+    lines = picture.left_out(sizes)
     if any(f.force.any() or f.patch is not None for f in picture.forces):
         lines.append(scale_note(sizes.metres_per_newton, sizes.weight_N))
-    if picture.has_moments(sizes):
+    if moment_angle(picture.largest_moment, sizes) >= SMALLEST_ARC:  # an arc of a moment is drawn
         lines.append(f"{np.degrees(FULL_TURN):.0f} degrees of arc are a moment of {number(sizes.full_moment)} N m.")
     return lines
 
@@ -247,8 +240,3 @@ def scale_note(metres_per_newton: float, weight_N: float) -> str:
     times = per_metre / weight_N if weight_N else 0.0
     share = ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
     return f"1 m of arrow is {per_metre:.4g} N{share if times else ''}."
-
-
-def _largest(torques: Sequence[ShownTorque]) -> list[ShownTorque]:
-    """The torques with the largest share of their limit, or the largest ones."""
-    return sorted(torques, key=lambda t: -(abs(t.value) if t.share is None else t.share))[:LISTED]

@@ -169,11 +169,9 @@ def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
     """An arrow a direction from the smallest push that holds the robot to the largest; round a robot that is held, a line."""
     some = np.isfinite(limits.forces)
-    directions, point = limits.directions[some], limits.point
-    tips, starts = (sizes.metres_per_newton * size[some, None] * directions for size in (limits.forces, limits.least))
-    reach = _FARTHEST * sizes.body
-    whole = tips.copy()
-    tips *= np.minimum(1.0, reach / np.maximum(np.linalg.norm(tips, axis=1), 1e-12))[:, None]
+    directions, point, reach = limits.directions[some], limits.point, _FARTHEST * sizes.body
+    whole, starts = (sizes.metres_per_newton * size[some, None] * directions for size in (limits.forces, limits.least))
+    tips = whole * np.minimum(1.0, reach / np.maximum(np.linalg.norm(whole, axis=1), 1e-12))[:, None]
     marks = []
     kinds = [given[0].kind if given else "none" for given, holds in zip(limits.gives_way, some, strict=True) if holds]
     for kind, (color, _) in LIMIT_COLORS.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,11 +76,10 @@ class ShownSurface:
             lines.append(f"velocity {numbers(self.twist[:3])} m/s{at}")
         if self.twist[3:].any():
             lines.append(f"turns with {numbers(self.twist[3:])} rad/s about {numbers(self.about)} m")
-        if not self.moves:
-            lines.append(f"touched by {', '.join(self.names)}")
         lean = np.degrees(np.arccos(np.clip(float(self.normal[2]), -1.0, 1.0)))
-        lines.append(f"normal {numbers(self.normal, 3)}, {lean:.1f} degrees from the vertical")
-        return (*lines, f"touched by {', '.join(self.names)}") if self.moves else tuple(lines)
+        leans = f"normal {numbers(self.normal, 3)}, {lean:.1f} degrees from the vertical"
+        touched = f"touched by {', '.join(self.names)}"
+        return (*lines, leans, touched) if self.moves else (touched, leans)
 
     @property
     def short(self) -> str:
@@ -100,9 +99,7 @@ class ShownSurface:
             return None
         if self.twist[3:].any() and not np.array_equal(self.about, other.about):
             return None
-        corners = np.vstack([self.corners, other.corners])
-        names = self.names + other.names
-        return ShownSurface(names, self.point, self.normal, corners, self.twist, self.about, self.body)
+        return replace(self, names=self.names + other.names, corners=np.vstack([self.corners, other.corners]))
 
 
 def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint]) -> list[ShownSurface]:
@@ -125,8 +122,8 @@ def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint])
             twist = np.asarray(ground.velocity, float)
             about = about if ground.about is None else np.asarray(ground.about, float)
         normal = np.asarray(plane.normal, float)
-        corners = contact.corners
-        corners = corners - np.outer((corners - np.asarray(plane.point)) @ normal, normal)  # on the plane itself
+        off = (contact.corners - np.asarray(plane.point)) @ normal
+        corners = contact.corners - np.outer(off, normal)  # on the plane itself
         one = ShownSurface((contact.name,), corners.mean(axis=0), normal, corners, twist, about, contact.against)
         if not one.moves and not one.body and normal[2] > 1.0 - SAME_AXIS and abs(float(one.point[2])) < SAME_M:
             continue
@@ -183,8 +180,7 @@ def _flow(at: str, surface: ShownSurface, points: Sequence[Array], sizes: Sizes)
     """Small arrows of a surface's velocity at some points."""
     where = np.array(points)
     velocity = surface.velocity(where)
-    fastest = float(np.linalg.norm(velocity, axis=1).max())
-    if not fastest:
+    if not (fastest := float(np.linalg.norm(velocity, axis=1).max())):
         return []
     lift = 2.0 * sizes.lift * surface.normal
     scale = FASTEST * sizes.body / fastest

@@ -20,7 +20,7 @@ from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import photograph
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
-from rbd.visual.style import a_path, is_there
+from rbd.visual.style import a_path, check_there
 
 WIDTH, HEIGHT = 860, 420
 """Size of a picture, in pixels; a frame is as wide as the notebook."""
@@ -108,8 +108,7 @@ def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
     if not isinstance(shown, str | PathLike):
         raise InputError(f"a notebook page of {shown!r:.80}; expected a scene, a motion, a report, or the path of a page.")
     path = a_path("the page", shown)
-    if not is_there(path):
-        raise PictureError(f"no page {str(path)!r}; write one with scene.export(...) first.")
+    check_there(path)
     try:
         return path.stem, path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -136,9 +135,8 @@ def frame_html(page: str, picture: bytes, title: str, height: int) -> str:
         title: For screen readers.
         height: [pixels].
     """
-    name = html.escape(title)
+    name, image = html.escape(title), ""
     fill = "position:absolute;left:0;top:0;width:100%;height:100%"
-    image = ""
     if picture:
         source = "data:image/png;base64," + base64.b64encode(picture).decode("ascii")
         style = f"{fill};object-fit:contain;margin:0" if page else "max-width:100%"

@@ -63,7 +63,7 @@ def html_of(record: Any) -> str:
 def printed(record: Any) -> str:
     """A record in words; the first line is the result."""
     kind: type = type(record)
-    if prints_itself(kind):
+    if kind.__str__ not in (object.__str__, tuple.__str__):  # a text of its own
         return str(record)
     return f"{kind.__name__}: {(inspect.getdoc(kind) or '').split(chr(10), 1)[0].rstrip('.')}"
 
@@ -205,14 +205,12 @@ def card_html(text: str, rows: Sequence[Sequence[str]] = (), drawing: str = "") 
         drawing: Curves as SVG, or a frame, with all names escaped.
     """
     result, _, rest = text.partition("\n")
-    parts = [f'<p style="margin:0 0 0.4em"><strong>{escaped(result, 400)}</strong></p>', drawing]
-    parts += [_text_html(rest)] if rest else []
-    if rows and (rest or drawing):
+    parts = [f'<p style="margin:0 0 0.4em"><strong>{escaped(result, 400)}</strong></p>', drawing, _text_html(rest)]
+    table = table_html(rows) if rows else ""
+    if table and (rest or drawing):
         title = '<summary style="cursor:pointer">Fields</summary>'
-        parts.append(f'<details style="margin:0.2em 0">{title}{table_html(rows)}</details>')
-    elif rows:
-        parts.append(table_html(rows))
-    whole = "\n".join(part for part in parts if part)
+        table = f'<details style="margin:0.2em 0">{title}{table}</details>'
+    whole = "\n".join(part for part in (*parts, table) if part)
     return f'<div class="rbd-card" style="max-width:64em;line-height:1.45;text-align:left">{whole}</div>'
 
 
@@ -227,16 +225,13 @@ def table_html(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _text_html(text: str) -> str:
-    """Lines as they are printed, the first forty."""
+    """Lines as they are printed, the first forty; nothing of no text."""
+    if not text:
+        return ""
     lines = text.split("\n")
     shown = [html.escape(line[:MOST_LETTERS]) for line in lines[:MOST_LINES]]
     more = [f"and {len(lines) - MOST_LINES} more lines"] if len(lines) > MOST_LINES else []
     return '<pre style="margin:0.2em 0;white-space:pre;overflow-x:auto;background:none">' + "\n".join(shown + more) + "</pre>"
-
-
-def prints_itself(kind: type) -> bool:
-    """Whether a class has a text of its own, for `print`."""
-    return kind.__str__ is not object.__str__ and kind.__str__ is not tuple.__str__
 
 
 def chart_svg(t: Array, chart: CurveChart) -> str:

@@ -13,11 +13,12 @@ import tempfile
 import threading
 import time
 import weakref
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 from rbd.errors import InputError, PictureError
 from rbd.model.data_pool import renewed_after_fork
@@ -126,13 +127,26 @@ def a_browser() -> str:
     Raises:
         PictureError: if there is none.
     """
-    path = find_browser()
-    if path is None:
+    if (path := find_browser()) is None:
         raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
     return path
 
 
-class Browser:
+class Closing(ABC):
+    """What is used as a context, and closed at its end."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End it."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+class Browser(Closing):
     """One headless Chromium for many pages: to start it takes longer than a picture. Use it as a context.
 
     Pictures of many scenes are made faster with one: give it to `Scene.screenshot`, `screenshot`, `contact_sheet`,
@@ -188,6 +202,15 @@ class Browser:
         """Whether it has been closed."""
         return not self._end.alive
 
+    def check_open(self) -> None:
+        """Refuse a browser that has been closed.
+
+        Raises:
+            PictureError: it has been.
+        """
+        if self.closed:
+            raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+
     def open(
         self, page: Path | str, *, width: int = 1280, height: int = 960, fragment: str = "", before: str = ""
     ) -> BrowserPage:
@@ -210,8 +233,7 @@ class Browser:
             PictureError: if the browser has ended.
         """
         with self._lock:
-            if self.closed:
-                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+            self.check_open()
             self._count += 1
             message: dict[str, Any] = {"id": self._count, "method": method, "params": params}
             if session is not None:
@@ -276,14 +298,12 @@ class Browser:
         """The next message that comes."""
         while (end := self._buffer.find(b"\0", self._looked_at)) < 0:
             self._looked_at = len(self._buffer)
-            if self.closed:
-                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+            self.check_open()
             ready, _, _ = select.select([self._from], [], [], max(0.0, until - time.monotonic()))
             if not ready:
                 self.kill()
                 raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s for an answer; it was ended.")
-            more = os.read(self._from, _PIPE_BYTES)
-            if not more:
+            if not (more := os.read(self._from, _PIPE_BYTES)):
                 raise self._has_ended()
             self._buffer += more
         one = bytes(self._buffer[:end])
@@ -308,12 +328,6 @@ class Browser:
         how = "its pipe was closed" if status is None else f"exit {status}"
         return PictureError(f"the browser has ended ({how}): {words}.")
 
-    def __enter__(self) -> Browser:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
 
 @contextmanager
 def one_browser(browser: object = None) -> Iterator[Browser]:
@@ -329,12 +343,11 @@ def one_browser(browser: object = None) -> Iterator[Browser]:
         return
     if not isinstance(browser, Browser):
         raise InputError(f"browser is {browser!r:.80}; expected a rbd.visual.Browser, or None.")
-    if browser.closed:
-        raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+    browser.check_open()
     yield browser
 
 
-class BrowserPage:
+class BrowserPage(Closing):
     """A page open in a `Browser`."""
 
     def __init__(self, browser: Browser, address: str, width: int, height: int, before: str = "") -> None:
@@ -343,9 +356,8 @@ class BrowserPage:
         try:
             self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
             self.resize(width, height)
-            self._call("Page.enable")
-            self._call("Inspector.enable")
-            self._call("Runtime.enable")
+            for domain in ("Page", "Inspector", "Runtime"):
+                self._call(f"{domain}.enable")
             if before:
                 self._call("Page.addScriptToEvaluateOnNewDocument", source=before)
             moved = self._call("Page.navigate", url=address)
@@ -394,13 +406,11 @@ class BrowserPage:
 
     def resize(self, width: int, height: int) -> None:
         """Change the size of the window, in pixels."""
-        size = {"width": width, "height": height}
-        self._call("Emulation.setDeviceMetricsOverride", **size, deviceScaleFactor=1, mobile=False)
+        self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def mouse(self, kind: str, x: float, y: float, *, button: str = "none") -> None:
         """Send a mouse event: mouseMoved, mousePressed or mouseReleased, in pixels from the top left."""
-        pressed = 0 if button == "none" else 1
-        self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=pressed)
+        self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=int(button != "none"))
 
     def click(self, x: float, y: float) -> None:
         """Press and release the left button."""
@@ -420,12 +430,6 @@ class BrowserPage:
         """Close the tab."""
         with suppress(PictureError):
             self._browser.call("Target.closeTarget", targetId=self._target)
-
-    def __enter__(self) -> BrowserPage:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
 
     def _call(self, method: str, **params: Any) -> dict[str, Any]:
         return self._browser.call(method, session=self._session, **params)

@@ -66,8 +66,7 @@ def encoder_of(target: Path, fps: float, width: int, height: int) -> Encoder:
 
 def _ffmpeg() -> tuple[str, str]:
     """Path of ffmpeg, and the best codec it has."""
-    path = shutil.which("ffmpeg")
-    if path is None:
+    if (path := shutil.which("ffmpeg")) is None:
         raise PictureError("no ffmpeg on PATH, which makes .mp4. Install ffmpeg, or give a name that ends in .gif.")
     asked = [path, "-hide_banner", "-encoders"]
     try:
@@ -75,8 +74,7 @@ def _ffmpeg() -> tuple[str, str]:
     except (OSError, subprocess.SubprocessError) as error:
         raise PictureError(f"{path} does not run: {error}. Install ffmpeg anew, or give a name that ends in .gif.") from error
     words = set(said.stdout.split())
-    codec = next((codec for codec in CODECS if codec in words), None)
-    if codec is None:
+    if (codec := next((codec for codec in CODECS if codec in words), None)) is None:
         raise PictureError(f"{path} has none of the codecs {', '.join(CODECS)}. Give a name that ends in .gif.")
     return path, codec
 

@@ -91,8 +91,7 @@ def only_layers(layers: object) -> dict[str, bool]:
     given: Any = layers
     if not isinstance(layers, Mapping) or not all(isinstance(on, bool) for on in given.values()):
         raise InputError(f"layers are {layers!r:.80}; expected {{name: True or False}}, of {', '.join(LAYERS)}.")
-    unknown = [name for name in given if name not in LAYERS]
-    if unknown:
+    if unknown := [name for name in given if name not in LAYERS]:
         raise InputError(f"there is no layer {unknown[0]!r:.80}; expected {', '.join(LAYERS)}.")
     return dict(given)
 

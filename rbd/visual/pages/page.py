@@ -17,13 +17,12 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 
-from rbd.arrays import check_whole
 from rbd.errors import PictureError
 from rbd.model.output_files import check_place, write_file, write_text
 from rbd.visual.packed_meshes import MARK, split
 from rbd.visual.pages.browser import Browser, one_browser
 from rbd.visual.pages.link import page_link
-from rbd.visual.style import MOST_PIXELS, a_path, is_there
+from rbd.visual.style import MOST_PIXELS, a_path, check_size, check_there
 
 # The page forbids all requests of the browser: only the contents of the file are loaded.
 _POLICY = (
@@ -124,11 +123,11 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
     return _PAGE.substitute(
         title=html.escape(title),
         policy=_POLICY.format(connect=connect),
-        style="\n".join(_text("rbd.visual.pages", f"web/{name}") for name in STYLES),
+        style="\n".join(text_of("rbd.visual.pages", f"web/{name}") for name in STYLES),
         library=library,
         pieces=_deflated(b"".join(pieces)),
         sizes=json.dumps([size, *map(len, pieces)]),
-        stage="\n".join(_text("rbd.visual.pages", f"web/{name}") for name in SCRIPTS),
+        stage="\n".join(text_of("rbd.visual.pages", f"web/{name}") for name in SCRIPTS),
         start="\n".join(line for line in [*lines, "stage.ready();", then] if line),
     )
 
@@ -136,7 +135,7 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
 @cache
 def _library() -> tuple[int, str]:
     """Meshcat's viewer: its length, and its script deflated."""
-    script = _text("meshcat", "viewer/dist/main.min.js").encode()
+    script = text_of("meshcat", "viewer/dist/main.min.js").encode()
     return len(script), _deflated(script)
 
 
@@ -145,7 +144,8 @@ def _deflated(data: bytes) -> str:
 
 
 @cache
-def _text(package: str, path: str) -> str:
+def text_of(package: str, path: str) -> str:
+    """A text file of a package."""
     return files(package).joinpath(path).read_text(encoding="utf-8")
 
 
@@ -185,10 +185,9 @@ def screenshot(
         PosixPath('four_bar.png')
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
-    width, height = check_whole("width", width, MOST_PIXELS), check_whole("height", height, MOST_PIXELS)
+    width, height = check_size(width, height, MOST_PIXELS)
     fragment = page_link(at=at, view=view, layers=layers, controls=False)
-    if not is_there(page):
-        raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
+    check_there(page)
     check_place(picture, PictureError)
     with one_browser(browser) as used, used.open(page, width=width, height=height, fragment=fragment) as shown:
         taken = shown.picture()

@@ -38,6 +38,10 @@ class Command(Protocol):
         """The command as plain data; ours has its bytes as "packed"."""
 
 
+def _nobody(told: object) -> None:
+    """Who listens where nobody does."""
+
+
 class Recorder:
     """The `window` of a `meshcat.Visualizer` that needs no server.
 
@@ -50,15 +54,15 @@ class Recorder:
         self._lock, self._turn = threading.Lock(), threading.RLock()
         self._kept: dict[_Key, tuple[int, bytes | str]] = {}
         self._count = 0
-        self._listener: Callable[[bytes | str], None] | None = None
-        self._bracket: Callable[[bool], None] | None = None
+        self._listener: Callable[[bytes | str], None] = _nobody
+        self._bracket: Callable[[bool], None] = _nobody
         self._draft: list[tuple[_Key, bytes | str]] | None = None
-        self._receiver: Callable[[str], None] | None = None
+        self._receiver: Callable[[str], None] = _nobody
         renewed_after_fork(self)
 
     def renew_after_fork(self) -> None:
         """In a forked child: new locks, and no listener, because a live server's thread stays with the parent."""
-        self._lock, self._turn, self._listener, self._bracket = threading.Lock(), threading.RLock(), None, None
+        self._lock, self._turn, self._listener, self._bracket = threading.Lock(), threading.RLock(), _nobody, _nobody
 
     def send(self, command: Command) -> None:
         """Store a Meshcat command, or one of ours that is packed already; a newer one of its kind on its path replaces it.
@@ -89,11 +93,9 @@ class Recorder:
             finally:
                 draft, self._draft = self._draft, None
                 with self._lock:
-                    if self._bracket is not None:
-                        self._bracket(True)
+                    self._bracket(True)
                     self._keep_difference(draft)
-                    if self._bracket is not None:
-                        self._bracket(False)
+                    self._bracket(False)
 
     def messages(self, *, after: int = 0) -> tuple[list[bytes | str], int]:
         """Messages for a viewer that has received the first `after` of them, oldest first, and their count so far."""
@@ -103,16 +105,15 @@ class Recorder:
     def listen(self, listener: Callable[[bytes | str], None] | None, bracket: Callable[[bool], None] | None = None) -> None:
         """Pass every later message to `listener`; None: to none. `bracket` hears True before those of a change, then False."""
         with self._lock:
-            self._listener, self._bracket = listener, bracket
+            self._listener, self._bracket = listener or _nobody, bracket or _nobody
 
     def answer_by(self, receiver: Callable[[str], None] | None) -> None:
         """Pass what live pages send to `receiver`, in the server's thread; None: to none."""
-        self._receiver = receiver
+        self._receiver = receiver or _nobody
 
     def receive(self, message: str) -> None:
         """A message of a live page, of any content."""
-        if (receiver := self._receiver) is not None:
-            receiver(message)
+        self._receiver(message)
 
     def _put(self, key: _Key, message: bytes | str) -> None:
         with self._turn:
@@ -128,8 +129,7 @@ class Recorder:
         self._count += 1
         self._kept.pop(key, None)
         self._kept[key] = (self._count, message)
-        if self._listener is not None:
-            self._listener(message)
+        self._listener(message)
 
     def _keep_difference(self, draft: list[tuple[_Key, bytes | str]]) -> None:
         wanted: dict[_Key, bytes | str] = {key: m for key, (_, m) in self._kept.items() if key[1] != _DELETE}
@@ -211,7 +211,7 @@ class LiveServer:
     """
 
     def __init__(self, recorder: Recorder, title: str) -> None:
-        self._recorder = recorder
+        self.recorder = recorder
         self._title = title
         self._sockets: set[_Socket] = set()
         self._started = threading.Event()
@@ -239,7 +239,7 @@ class LiveServer:
 
     def close(self) -> None:
         """Stop serving, and wait until the thread has ended."""
-        self._recorder.listen(None)
+        self.recorder.listen(None)
         if self._loop is not None and self._stop is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join()
@@ -273,7 +273,7 @@ class LiveServer:
         )
         server = HTTPServer(application, max_header_size=LARGEST_REQUEST, max_body_size=LARGEST_REQUEST)
         server.add_sockets(listening)
-        self._recorder.listen(self._pass_on, self._bracket)
+        self.recorder.listen(self._pass_on, self._bracket)
         self.port = port
         self._started.set()
         await self._stop.wait()
@@ -304,19 +304,15 @@ class LiveServer:
         Args:
             host: Name and port under which the browser knows this server: it may connect to no other.
         """
-        messages, count = self._recorder.messages()
+        messages, count = self.recorder.messages()
         return live_page(self._title, messages, f"ws://{host}/changes?after={count}")
 
     def welcome(self, browser: _Socket, after: int) -> None:
         """Send a new browser the messages since its page was made, and then all later ones."""
         self._sockets.add(browser)
-        for message in self._recorder.messages(after=after)[0]:
+        for message in self.recorder.messages(after=after)[0]:
             browser.pass_on(message)
         self._watched.set()
-
-    def receive(self, message: str) -> None:
-        """Pass on what a browser sends."""
-        self._recorder.receive(message)
 
     def farewell(self, browser: _Socket) -> None:
         """Remove a browser that has disconnected."""
@@ -382,7 +378,7 @@ class _Socket(WebSocketHandler):
             self._server.farewell(self)
             self.close(1008, "too many messages")
         elif isinstance(message, str):
-            self._server.receive(message)
+            self._server.recorder.receive(message)
 
     def on_close(self) -> None:
         self._server.farewell(self)

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_positive, check_whole
-from rbd.errors import InputError, PictureError, nearest
+from rbd.errors import InputError, PictureError
+from rbd.errors.inputs import check_kind, check_known
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.motion.report import MotionReport
@@ -31,7 +32,7 @@ from rbd.visual.playback.shown_motion import ShownMotion, a_time
 from rbd.visual.robot_layers import FRONT_LEFT
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene
-from rbd.visual.style import a_page, a_path, a_picture
+from rbd.visual.style import MOST_SIZE, a_page, a_path, a_picture, check_size
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
@@ -104,11 +105,14 @@ class Playback:
         Raises:
             InputError: a name that there is not.
         """
-        names = [f.name for f in fields(cls)]
         for name in settings:
-            if name not in names:
-                raise InputError(f"there is no setting {name!r:.80}; {nearest(name, names)}.")
+            check_known("there is no setting", name, [f.name for f in fields(cls)], InputError)
         return cls(**settings)
+
+    @property
+    def pace(self) -> float:
+        """The speed; that which is usual where none is given."""
+        return float(USUAL["speed"] if self.speed is None else self.speed)
 
     def resolved(self, shown: ShownMotion) -> Playback:
         """With what the kind of motion has where nothing was given.
@@ -118,8 +122,7 @@ class Playback:
         """
         usual = {**USUAL, "title": shown.title, **shown.defaults}
         given: Any = replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
-        if not isinstance(given.title, str):
-            raise InputError(f"title is {given.title!r:.80}; expected text.")
+        check_kind("title", given.title, str, "text")
         speed = check_positive("speed", given.speed, MOST_SPEED)
         if speed < LEAST_SPEED:
             raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
@@ -217,9 +220,7 @@ def export_motion(
     return target
 
 
-def motion_scene(
-    motion: Any, given: Playback, sheet: Mapping[str, object] | None = None, scene: Scene | None = None
-) -> Scene:
+def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | None = None, scene: Scene | None = None) -> Scene:
     """The scene of `export_motion`, with all frames: to be written as a page, or served live.
 
     Args:
@@ -260,8 +261,7 @@ def motion_scene(
     }
     if sheet is not None:
         settings["sheet"] = sheet
-    assert given.speed is not None
-    scene.stage_motion(page.whole(settings, given.speed), page.around(follows), page.further_parts, title=given.title)
+    scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
     if given.footprints and outlines:
         scene.draw(*outlines)
     return scene
@@ -277,8 +277,7 @@ def _beside(second: ShownMotion, first: MotionPage, given: Playback) -> MotionPa
 
 def _page(shown: ShownMotion, parts: Sequence[RobotPart], sizes: Sizes, ground: bool, given: Playback) -> MotionPage:
     joints = sorted({part.joint for part in parts} - {0})
-    assert given.speed is not None
-    frames = frames_of(shown, joints, fps=given.fps, speed=given.speed, external=given.external)
+    frames = frames_of(shown, joints, fps=given.fps, speed=given.pace, external=given.external)
     return MotionPage(shown, frames, parts, sizes, ground)
 
 
@@ -319,7 +318,7 @@ def motion_sheet(
     if a_path("the picture", png_path).suffix.lower() != ".png":
         raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
     picture = a_picture(png_path)
-    width, height = check_whole("width", width, 4000), check_whole("height", height, 4000)
+    width, height = check_size(width, height, MOST_SIZE)
     t = shown_motion(motion).t
     at = _picture_times(times, float(t[0]), float(t[-1]))
     in_a_row = len(at) if columns is None else min(check_whole("columns", columns, MOST_PICTURES), len(at))
@@ -356,12 +355,10 @@ def replay(
         >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
         >>> rbd.visual.replay(swing, speed=0.5)  # doctest: +SKIP
     """
-    if scene is not None and not isinstance(scene, Scene):
-        raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
+    check_kind("scene", scene, Scene | None, "a rbd.visual.Scene, or None")
     shown = shown_motion(motion)
     given = Playback(speed=speed, external=external, charts=False, trace=False, playing=True).resolved(shown)
     used = motion_scene(motion, given, scene=scene)
-    assert given.speed is not None
     with contextlib.ExitStack() as closing:
         closing.enter_context(contextlib.suppress(KeyboardInterrupt))
         if scene is None:
@@ -369,7 +366,7 @@ def replay(
             used.open()
             used.wait_for_viewer(VIEWER_SECONDS)
         try:
-            time.sleep(float(shown.t[-1] - shown.t[0]) / given.speed)
+            time.sleep(float(shown.t[-1] - shown.t[0]) / given.pace)
         except KeyboardInterrupt:
             used.pause_motion()
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError
 from rbd.visual.style import CONTACT_COLORS
 
 MOST_POINTS = 2000
@@ -68,17 +67,6 @@ class CurveChart:
     log: bool = False
 
 
-def a_list(choice: Any) -> list[Any]:
-    """Names of charts, each once.
-
-    Raises:
-        InputError: what is no list.
-    """
-    if isinstance(choice, str) or not np.iterable(choice):
-        raise InputError(f"charts are {choice!r:.80}; expected True, False, or a list of names.")
-    return list(dict.fromkeys(choice))
-
-
 def chart(
     name: str,
     title: str,
@@ -101,9 +89,7 @@ def chart(
         signed: Whether the axis begins below the least value, else at 0.
     """
     values = np.concatenate([line.values for line in lines])
-    low, top = 0.0, top_of(values, least_top, percentile)
-    if signed:
-        low, top = _signed(values)
+    low, top = _signed(values) if signed else (0.0, top_of(values, least_top, percentile))
     return CurveChart(name, title, tuple(lines), dict(limits or {}), low, top)
 
 
@@ -127,8 +113,14 @@ def most_used(
         CurveLine(names[j].removesuffix("_joint") if short else names[j], color, values[:, j])
         for j, color in zip(most, CONTACT_COLORS, strict=False)
     ]
-    given = {} if limit is None else {"limit": limit}
-    return chart(name, title, rest + named, limits=given, least_top=1.2 * (limit or 0.0), percentile=99.5)
+    return chart(
+        name,
+        title,
+        rest + named,
+        limits={} if limit is None else {"limit": limit},
+        least_top=1.2 * (limit or 0.0),
+        percentile=99.5,
+    )
 
 
 def top_of(values: Array, least: float, percentile: float) -> float:
@@ -179,7 +171,7 @@ def described(times: Sequence[Array], charts: Sequence[CurveChart]) -> dict[str,
     """
     kept = [kept_samples(len(t), [x.values for c in charts for x in c.lines if x.motion == m]) for m, t in enumerate(times)]
     return {
-        "times": [_packed(t[at]) for t, at in zip(times, kept, strict=True)],
+        "times": [packed(t[at]) for t, at in zip(times, kept, strict=True)],
         "charts": [
             {
                 "name": c.name,
@@ -188,7 +180,11 @@ def described(times: Sequence[Array], charts: Sequence[CurveChart]) -> dict[str,
                 "low": c.low,
                 "top": c.top,
                 "log": c.log,
-                "lines": [_line(x, x.values[kept[x.motion]]) for x in c.lines],
+                "lines": [
+                    {name: getattr(x, name) for name in ("name", "color", "width", "motion")}
+                    | {"values": packed(x.values[kept[x.motion]])}
+                    for x in c.lines
+                ],
             }
             for c in charts
         ],
@@ -226,10 +222,6 @@ def _signed(values: Array) -> tuple[float, float]:
     return low - room, top + room
 
 
-def _line(line: CurveLine, values: Array) -> dict[str, object]:
-    given = {"name": line.name, "color": line.color, "width": line.width, "motion": line.motion}
-    return {**given, "values": _packed(values)}
-
-
-def _packed(values: Array) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode("ascii")
+def packed(values: Array, kind: str = "<f4") -> str:
+    """Numbers of a kind, in base64, as a page reads them."""
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -150,8 +149,7 @@ def frames_of(
 def _unknown_elements(trajectory: Any) -> list[str]:
     """That force elements acted which the motion does not know, in words: its energies tell."""
     acted = any(np.any(getattr(trajectory, name, 0.0)) for name in ("elastic", "dissipated"))
-    known: Sequence[object] = getattr(trajectory, "elements", ())
-    if not acted or known:
+    if not acted or len(getattr(trajectory, "elements", ())):
         return []
     return ["Not drawn: springs or dampers that acted, which the motion does not know. Give them as external=[...]."]
 
@@ -166,11 +164,9 @@ def _without_points(shown: ShownMotion) -> list[str]:
 
 def _without_surfaces(shown: ShownMotion) -> list[str]:
     """Which contacts carry load off the ground z = 0, in words: walls, slopes and tables are not recorded."""
-    names = []
-    for name, points in shown.points.items():
-        loaded = np.linalg.norm(shown.point_forces[name], axis=-1) > 0.0
-        if (np.abs(np.where(loaded, np.asarray(points)[..., 2], 0.0)) > OFF_GROUND).any():
-            names.append(name)
+    loaded = {name: np.linalg.norm(f, axis=-1) > 0.0 for name, f in shown.point_forces.items()}
+    heights = {name: np.where(loaded[name], np.asarray(points)[..., 2], 0.0) for name, points in shown.points.items()}
+    names = [name for name, height in heights.items() if (np.abs(height) > OFF_GROUND).any()]
     return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
 
 
@@ -233,11 +229,10 @@ def _applied(
         shown, unseen = shown_elements(state, given)
         words |= dict.fromkeys([*([GENERALISED] if generalised else []), *unseen])
         words |= dict.fromkeys([MOMENTS for push in drawn if push.moment.any()])
-        count: Counter[str] = Counter()
-        for push in drawn:
-            count[push.name] += 1
+        for k, push in enumerate(drawn):
+            same = sum(one.name == push.name for one in drawn[:k])
             nowhere = Track(push.name, np.full((n, 1, 3), np.nan), np.zeros((n, 1, 3)))
-            track = pushed.setdefault((push.name, count[push.name]), nowhere)
+            track = pushed.setdefault((push.name, same), nowhere)
             track.points[i, 0], track.forces[i, 0] = push.start, push.force
         for one in shown:
             rest = ElementTrack(one.name, one.shape, one.unit, np.full((n, 2, 3), np.nan), np.zeros((n, 3)), np.zeros(n))
@@ -306,9 +301,7 @@ def ghost_poses(ghost: SampledPoses, times: Array, joints: Sequence[int], down: 
         down: By how much it is lowered [m].
     """
     q = configurations(ghost, *_between(np.asarray(ghost.t, float), times))
-    poses, _ = body_poses(ghost.robot, q, joints)
-    poses[:, :, 2] -= down
-    return poses
+    return body_poses(ghost.robot, q, joints)[0] - [0.0, 0.0, down, 0.0, 0.0, 0.0, 0.0]
 
 
 GENERALISED = "The generalised external force is not drawn: it has no point of application."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from rbd.simulation.simulated_motion import OPEN, Event
 from rbd.visual.marks.applied_forces import RELAXED
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.picture import scale_note
+from rbd.visual.playback.curves import packed
 from rbd.visual.playback.motion_frames import (
     ELEMENT_COLORS,
     PageFrames,
@@ -135,10 +135,13 @@ class MotionPage:
     @property
     def further_parts(self) -> dict[str, Sequence[RobotPart]]:
         """{path in the viewer: pieces to be sent}: of force elements, and of a second robot that is not the first."""
-        found: dict[str, Sequence[RobotPart]] = {}
-        for i, track in enumerate(self.frames.elements):
-            pieces = pieces_of(track, self.sizes)
-            found[self._element(i)] = [RobotPart(track.name, 0, pin.SE3.Identity(), x.mesh, RELAXED, x.opacity) for x in pieces]
+        found: dict[str, Sequence[RobotPart]] = {
+            self._element(i): [
+                RobotPart(track.name, 0, pin.SE3.Identity(), piece.mesh, RELAXED, piece.opacity)
+                for piece in pieces_of(track, self.sizes)
+            ]
+            for i, track in enumerate(self.frames.elements)
+        }
         if self.second is not None:
             found |= self.second.further_parts
         return found | {SECOND: self.second.parts} if self.second is not None and self.own_meshes else found
@@ -159,9 +162,8 @@ class MotionPage:
         """
         frames, lead = self.frames, self.frames if leader is None else leader
         shift = np.zeros((len(frames.times), 3))
-        if follow and len(lead.com):
-            for axis in (0, 1):
-                shift[:, axis] = np.interp(frames.times, lead.times, lead.com[:, axis]) - lead.com[0, axis]
+        for axis in (0, 1) if follow and len(lead.com) else ():
+            shift[:, axis] = np.interp(frames.times, lead.times, lead.com[:, axis]) - lead.com[0, axis]
         picked = np.unique(np.linspace(0, len(frames.times) - 1, MOST_POSES_FRAMED).astype(int))
         hulls = [hull_of(joint, self.parts) for joint in frames.joints]
         clouds = [np.zeros((0, 3))]
@@ -207,8 +209,7 @@ class MotionPage:
             kinds = {e.kind: e.point for e in reversed(some)}
             kind = next((k for k in EVENT_KINDS if k in kinds), some[0].kind)
             words = [str(e) for e in some[:MOST_WORDS]]
-            if len(some) > MOST_WORDS:
-                words.append(f"and {len(some) - MOST_WORDS} more till {some[-1].t:.6f} s")
+            words += [f"and {len(some) - MOST_WORDS} more till {some[-1].t:.6f} s"] * (len(some) > MOST_WORDS)
             marks.append((some[0].t, {"name": name, "kind": kind, "point": kinds[kind], "words": words}))
         return [{"t": round(float(t), 9), **mark} for t, mark in sorted(marks, key=lambda each: each[0])]
 
@@ -256,8 +257,8 @@ class MotionPage:
             **self._carried(),
             "name": self.name,
             "times": [round(float(t), 9) for t in frames.times],
-            "rows": _packed(frames.rows, "<f4"),
-            "codes": _packed(self.codes, "u1"),
+            "rows": packed(frames.rows),
+            "codes": packed(self.codes, "u1"),
             "events": self.marks(),
             "contacts": contacts,
             "pushes": [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes],
@@ -286,8 +287,4 @@ def _normals(track: Track) -> str:
     found = normals_of(track.points, track.forces)
     if found is None or not np.isfinite(found).all():
         return ""
-    return _packed(found[:1] if np.ptp(found, axis=0).max() < STILL else found, "<f4")
-
-
-def _packed(numbers: Array, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(numbers, kind).tobytes()).decode("ascii")
+    return packed(found[:1] if np.ptp(found, axis=0).max() < STILL else found)

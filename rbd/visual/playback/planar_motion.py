@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rbd.errors import InputError, ModelWarning
+from rbd.records import counted
 from rbd.robots.loading import load_robot
 from rbd.visual.playback.shown_motion import ShownMotion
 from rbd.visual.robot_layers import collision_parts
@@ -53,7 +54,7 @@ def shown_planar(motion: PlanarMotion) -> ShownMotion:
         file.write_text(text, encoding="utf-8")
         robot = load_robot(file, root="fixed")
         _ = robot_parts(robot), collision_parts(robot)  # read as long as there is the file
-    title = f"{chain.n} link{'s' * (chain.n > 1)}, minimum jerk"
+    title = f"{counted(chain.n, 'link')}, minimum jerk"
     q, v = coordinates(motion.q), coordinates.rates(motion.qd)
     defaults = {"speed": 0.5, "follow": False, "ground": False, "seen_from": SEEN_FROM}
     return ShownMotion(motion, robot, motion.t, q, v, title, charts=lambda _: [], defaults=defaults)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 
+from rbd.arrays import Array
 from rbd.motion.causes import CAUSES
 from rbd.motion.report import MotionReport
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
 from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, chart, most_used
-from rbd.visual.playback.motion_frames import MOST_NUMBERS
+from rbd.visual.playback.motion_frames import MOST_NUMBERS, body_poses
 from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import OF_POSES, Maker, chosen_charts, makers_of
 from rbd.visual.robot_meshes import drawable
@@ -67,21 +67,22 @@ def _places(report: MotionReport) -> dict[str, int]:
     return {str(c.name): g for g, c in enumerate(report.lanes.contacts) if touches[:, group == g].any()}
 
 
-def _friction(report: MotionReport) -> CurveChart | None:
+def _of_contacts(report: MotionReport, values: Array) -> list[CurveLine]:
+    """A line for each contact that touches at times, of values of shape (n, number of contacts)."""
     places = _places(report)
-    colors = contact_colors(places)
-    lines = [CurveLine(name, colors[name], 100.0 * report.used_friction[:, g]) for name, g in places.items()]
+    return [CurveLine(name, color, values[:, places[name]]) for name, color in contact_colors(places).items()]
+
+
+def _friction(report: MotionReport) -> CurveChart | None:
+    lines = _of_contacts(report, 100.0 * report.used_friction)
     title = f"friction used, % (coefficient {report.friction:g})"
     return chart("friction", title, lines, limits={"limit": 100.0}, least_top=120.0, percentile=99.5) if lines else None
 
 
 def _pressure(report: MotionReport) -> CurveChart | None:
-    places = _places(report)
-    if not any(np.isfinite(report.edge_margin[:, g]).any() for g in places.values()):
-        return None
-    colors = contact_colors(places)
-    lines = [CurveLine(name, colors[name], 1e3 * report.edge_margin[:, g]) for name, g in places.items()]
-    return chart("centre of pressure", "centre of pressure: distance from the sole's edge, mm", lines)
+    lines = _of_contacts(report, 1e3 * report.edge_margin)
+    known = any(np.isfinite(line.values).any() for line in lines)
+    return chart("centre of pressure", "centre of pressure: distance from the sole's edge, mm", lines) if known else None
 
 
 @dataclass(frozen=True)
@@ -117,15 +118,12 @@ def shown_report(report: MotionReport) -> ShownMotion:
         if (found := report.of_cause(cause)).any():
             modes[cause] = np.where(found, _YES, OPEN).tolist()
             events.append(_worst(report, cause))
-    model = motion.robot.model
-    data = model.createData()
-    com = np.array([[pin.centerOfMass(model, data, each)] for each in q])
+    com = body_poses(motion.robot, q, ())[1][:, None]
     pushes = (
         Track("missing force", com, report.missing[:, None, :3], WRENCH_COLOR),
         Track(f"missing moment / {MOMENT_ARM:g} m", com, report.missing[:, None, 3:] / MOMENT_ARM, MOMENT_COLOR),
     )
-    worst = int(np.argmax(np.where(report.possible, -1.0, report.missing_scaled)))
-    start = float(motion.t[0] if report.possible.all() else motion.t[worst])
+    worst = 0 if report.possible.all() else int(np.argmax(np.where(report.possible, -1.0, report.missing_scaled)))
     return ShownMotion(
         report,
         drawable(motion.robot),
@@ -141,7 +139,7 @@ def shown_report(report: MotionReport) -> ShownMotion:
         pushes=pushes,
         down=lanes.ground,
         charts=partial(report_charts, report),
-        defaults={"trace": False, "fps": _fps(report), "start": start},
+        defaults={"trace": False, "fps": _fps(report), "start": float(motion.t[worst])},
     )
 
 

@@ -86,9 +86,8 @@ class ShownMotion:
 
     def __post_init__(self) -> None:
         """Check."""
-        n = len(self.t)
-        if n < 2:
-            some = "no sample" if n == 0 else "one sample only"
+        if len(self.t) < 2:
+            some = "one sample only" if len(self.t) else "no sample"
             raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
         if not np.all(np.isfinite(self.t)) or np.min(np.diff(self.t)) <= 0.0:
             raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
@@ -108,8 +107,7 @@ class ShownMotion:
         if missing - set(FORCES) or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
             raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
         forces = {} if missing else {name: getattr(trajectory, name) for name in FORCES}
-        robot, t = drawable(trajectory.robot), np.asarray(trajectory.t, float)
-        charts = partial(charts_of, trajectory)
+        robot, t, charts = drawable(trajectory.robot), np.asarray(trajectory.t, float), partial(charts_of, trajectory)
         return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, **forces)
 
 

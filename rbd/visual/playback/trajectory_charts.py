@@ -17,7 +17,8 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.residuals import USABLE
 from rbd.simulation.trajectory_fields import RESIDUALS
-from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, a_list, chart, most_used
+from rbd.visual.marks.contacts import UPRIGHT
+from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, chart, most_used
 from rbd.visual.style import COM_COLOR, CONTACT_COLORS, contact_colors
 
 CHARTS: Mapping[str, str] = {
@@ -53,7 +54,8 @@ def charts_of(shown: Any, choice: Choice) -> list[CurveChart]:
     makers = makers_of(shown)
     if not isinstance(choice, bool | np.bool_) or not choice:
         return chosen_charts(shown.robot.name, makers, choice, ())
-    found = [made for made in chosen_charts(shown.robot.name, makers, True, OF_FORCES) if not _idle(made)]
+    found = chosen_charts(shown.robot.name, makers, True, OF_FORCES)
+    found = [made for made in found if made.name != "torques" or any(line.values.any() for line in made.lines)]
     return found or chosen_charts(shown.robot.name, makers, True, OF_POSES)
 
 
@@ -76,23 +78,19 @@ def chosen_charts(what: str, makers: Mapping[str, Maker], choice: Choice, usual:
     """
     if isinstance(choice, bool | np.bool_):
         return [made for name in usual if choice and (made := makers[name]()) is not None]
+    if isinstance(choice, str) or not np.iterable(choice):
+        raise InputError(f"charts are {choice!r:.80}; expected True, False, or a list of names.")
     charts = []
-    for name in a_list(choice):
+    for name in dict.fromkeys(choice):
         if not isinstance(name, str) or name not in makers:
             raise InputError(f"there is no chart {name!r:.80}; {nearest(name, makers)}. Charts: {', '.join(makers)}.")
-        chart = makers[name]()
-        if chart is None:
+        if (chart := makers[name]()) is None:
             raise InputError(
                 f"this motion of {what} has no numbers for the chart {name!r} ({CHARTS.get(name, name)}); leave it out, or "
                 "charts=True for those that there are."
             )
         charts.append(chart)
     return charts
-
-
-def _idle(made: CurveChart) -> bool:
-    """Whether it shows torques of motors that do nothing."""
-    return made.name == "torques" and not any(line.values.any() for line in made.lines)
 
 
 def _forces(shown: Any) -> CurveChart | None:
@@ -216,23 +214,20 @@ def _residuals(shown: Any) -> CurveChart | None:
 
 def _angles(shown: Any) -> CurveChart | None:
     robot = shown.robot
-    joints = [j for j in robot.joints.values() if j.nv == 1 and not j.is_continuous and np.isfinite([j.lower, j.upper]).all()]
-    joints = [j for j in joints if j.upper > j.lower]
+    joints = [j for j in robot.joints.values() if j.nv == 1 and not j.is_continuous and -np.inf < j.lower < j.upper < np.inf]
     if not joints:
         return None
-    q = np.column_stack([shown.q[:, j.q.start] for j in joints])
-    middle = np.array([0.5 * (j.lower + j.upper) for j in joints])
-    half = np.array([0.5 * (j.upper - j.lower) for j in joints])
+    q = shown.q[:, [j.q.start for j in joints]]
+    low, high = np.array([(j.lower, j.upper) for j in joints]).T
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
     title = "joint positions, % of the way from the middle to a limit"
     return most_used("angles", title, [j.name for j in joints], 100.0 * np.abs(q - middle) / half, limit=100.0)
 
 
 def _speeds(shown: Any) -> CurveChart | None:
-    joints = [j for j in shown.robot.joints.values() if np.isfinite(j.speed)]
-    if not joints:
+    if not (joints := [j for j in shown.robot.joints.values() if np.isfinite(j.speed)]):
         return None
-    v = np.abs(np.column_stack([shown.v[:, j.v.start] for j in joints]))
-    share = 100.0 * v / np.array([j.speed for j in joints])
+    share = 100.0 * np.abs(shown.v[:, [j.v.start for j in joints]]) / np.array([j.speed for j in joints])
     return most_used("speeds", "joint speeds, % of their limits", [j.name for j in joints], share, limit=100.0)
 
 
@@ -260,8 +255,6 @@ _MAKERS: Mapping[str, Callable[[Any], CurveChart | None]] = {
 }
 
 
-UPRIGHT = float(np.cos(np.pi / 4.0))
-"""Contacts whose normal leans more than 45 degrees do not carry weight from below."""
 _FLAT = 1e-6
 """Points whose spread along one axis is less than this share of their largest, both squared, are in a plane or on a line."""
 
@@ -312,8 +305,7 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
         points: Of the contact in W, shape (n, k, 3) [m].
         forces: At the points, shape (n, k, 3) [N].
     """
-    normal = normals_of(points, forces)
-    if normal is None:
+    if (normal := normals_of(points, forces)) is None:
         return None
     complete = np.isfinite(points).all(axis=(1, 2))
     i = int(complete.argmax())

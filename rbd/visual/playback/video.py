@@ -6,24 +6,22 @@ import base64
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
-from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import check_positive, check_whole
+from rbd.arrays import check_positive
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place, write_file
 from rbd.simulation.progress_bar import progress_of
 from rbd.visual.pages.browser import Browser, BrowserPage, a_browser, one_browser
 from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link
-from rbd.visual.pages.page import write_page
+from rbd.visual.pages.page import text_of, write_page
 from rbd.visual.playback.animation import Playback, motion_scene, shown_motion
-from rbd.visual.style import a_path
+from rbd.visual.style import MOST_SIZE, a_path, check_size
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
 
 MOST_FPS = 240.0
 MOST_FRAMES = 20_000
-LEAST_SIZE, MOST_SIZE = 16, 4000
+LEAST_SIZE = 16
 LAID_OUT = 960
 """Width of the window of all pictures that are neither very small nor very large."""
 SMALLEST_SCALE, LARGEST_SCALE = 0.5, 4.0
@@ -97,8 +95,7 @@ def export_video(
     target, write = _checked(path, fps, width, height)
     link = page_link(view=view, layers=layers, controls=False)
     shown = shown_motion(motion)
-    speed = given.resolved(shown).speed
-    assert speed is not None
+    speed = given.resolved(shown).pace
     scene = motion_scene(motion, given)
     spans = [shown.t] if given.beside is None else [shown.t, shown_motion(given.beside).t]
     times = frame_times(min(float(t[0]) for t in spans), max(float(t[-1]) for t in spans), float(fps), speed)
@@ -108,7 +105,8 @@ def export_video(
         write_page(page, scene.page())
         across, down = _window(width, height)
         with used.open(page, width=across, height=down, fragment=link, before=_BEFORE) as opened:
-            opened.evaluate(f"{_script()}\nvoid (window.video = new Video(stage, {json.dumps(look)}))")
+            script = text_of("rbd.visual.pages", "web/video.js")
+            opened.evaluate(f"{script}\nvoid (window.video = new Video(stage, {json.dumps(look)}))")
             with progress_of(times, shown=progress, doing="drawing the video") as reached:
                 samples = _frames(opened, times[:: max(1, len(times) // SAMPLES)])
                 write_file(target, lambda file: write(file, _frames(opened, times, reached), samples), PictureError)
@@ -127,8 +125,7 @@ def check_video(path: str | PathLike[str]) -> None:
 
 def _checked(path: str | PathLike[str], fps: float, width: int, height: int) -> tuple[Path, Encoder]:
     target = a_path("the video", path)
-    for what, size in (("width", width), ("height", height)):
-        check_whole(what, size, MOST_SIZE, least=LEAST_SIZE)
+    check_size(width, height, MOST_SIZE, least=LEAST_SIZE)
     write = encoder_of(target, check_positive("fps", fps, MOST_FPS), width, height)
     check_place(target, PictureError)
     return target, write
@@ -150,11 +147,6 @@ def _window(width: int, height: int) -> tuple[int, int]:
     """Size of the window in which legend and time are laid out: they take the same share of pictures of all sizes."""
     scale = min(max(width / LAID_OUT, SMALLEST_SCALE), LARGEST_SCALE)
     return round(width / scale), round(height / scale)
-
-
-@cache
-def _script() -> str:
-    return files("rbd.visual.pages").joinpath("web/video.js").read_text(encoding="utf-8")
 
 
 def _frames(page: BrowserPage, times: Sequence[float], reached: Callable[[float], None] | None = None) -> Iterator[bytes]:
