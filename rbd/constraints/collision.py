@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_number, cross_matrix
+from rbd.arrays import Array, check_number, cross_matrix, locked
 from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
@@ -318,9 +318,7 @@ def _stacked(cone: Cone, k: int) -> Cone:
 
 @lru_cache(maxsize=256)
 def _normals(k: int, friction: bool) -> Array:
-    out = np.tile([False, False, True], k) if friction else np.ones(k, bool)
-    out.flags.writeable = False
-    return out
+    return locked(np.tile([False, False, True], k) if friction else np.ones(k, bool))
 
 
 class CollisionShapes:

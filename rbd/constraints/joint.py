@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_finite, as_float, check_number
+from rbd.arrays import Array, as_finite, as_float, check_number, locked
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import check_state, check_words
@@ -234,9 +234,8 @@ class JointFriction(Displayed):
 
 
 def _vector(name: str, what: str, value: float | Sequence[float] | Array) -> Array:
-    out = np.atleast_1d(as_finite(f"{what} of {name!r:.80}", value, (), ("n",), meaning=": a number, or the joint's part of q"))
-    out.flags.writeable = False
-    return out
+    given = as_finite(f"{what} of {name!r:.80}", value, (), ("n",), meaning=": a number, or the joint's part of q")
+    return locked(np.atleast_1d(given))
 
 
 _SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", (False, False): ""}
@@ -365,9 +364,9 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> Stop:
         )
     if low > high:
         raise InputError(f"{name!r:.80}: joint {joint!r:.80} has lower bound {low:g} above its upper one, {high:g}.")
-    nothing = Rows(name, np.zeros((0, robot.nv)), np.zeros(0), NonNegative(0))
-    nothing.J.flags.writeable = False
-    return Stop(found.q.start, found.v.start, low, high, nothing)
+    return Stop(
+        found.q.start, found.v.start, low, high, Rows(name, locked(np.zeros((0, robot.nv))), np.zeros(0), NonNegative(0))
+    )
 
 
 class Stops:

@@ -23,7 +23,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix, lazy, zeros
+from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix, lazy, locked, zeros
 from rbd.constraints.function import UserFunction, check_function, hessian_by_rates, rate
 from rbd.constraints.surface import (
     HERE,
@@ -44,11 +44,7 @@ from rbd.problem.cones import Free, check_friction
 from rbd.problem.ground import Body, Ground, On, plane_of, surface_of, unit_normal
 from rbd.problem.rows import Patch, Rows
 
-_ONE_CORNER = np.zeros((1, 3))
-_NO_ERROR = np.zeros(1)
-_VELOCITY_ONLY = np.zeros(1, bool)
-for _array in (_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY):
-    _array.flags.writeable = False
+_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY = locked(np.zeros((1, 3))), zeros(1), locked(np.zeros(1, bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +95,7 @@ class VelocityConstraint(Displayed):
         if not callable(self.A):
             what = f"A of {self.name!r:.80}"
             A = as_finite(what, self.A, ("m", "nv"), ("nv",), meaning=", or a function of q that gives it")
-            A = A[None] if A.ndim == 1 else A
-            A.flags.writeable = False
-            object.__setattr__(self, "A", A)
+            object.__setattr__(self, "A", locked(A[None] if A.ndim == 1 else A))
 
     def rows(self, state: State) -> Rows:
         """One row a row of A; forces in all directions.

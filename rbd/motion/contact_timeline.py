@@ -18,6 +18,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, UnknownName, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
+from rbd.model.urdf import grouped
 from rbd.robots.robot import Robot
 
 
@@ -232,11 +233,8 @@ def _corners(robot: CheckedModel, foot: Contact) -> tuple[int, Array, Array]:
 
 def _bodies(robot: CheckedModel, feet: set[int]) -> Iterator[tuple[Constraint, int, Array, Array]]:
     """Shapes by the link that carries them; those of feet are left out, their soles count."""
-    by_link: dict[str, list[ConvexShape]] = {}
-    for _, link, shape in convex_shapes(robot):
-        if shape.joint and shape.joint not in feet:
-            by_link.setdefault(link, []).append(shape)
-    for link, shapes in by_link.items():
+    found = ((link, shape) for _, link, shape in convex_shapes(robot) if shape.joint and shape.joint not in feet)
+    for link, shapes in grouped(found).items():
         local, radius = zip(*(_extremes(shape) for shape in shapes), strict=True)
         contact = CollisionContacts(link, robot, ground=[shape.name for shape in shapes])
         yield contact, shapes[0].joint, np.concatenate(local), np.concatenate(radius)

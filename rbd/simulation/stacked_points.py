@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, lazy, zeros
+from rbd.arrays import Array, lazy, locked, zeros
 from rbd.constraints.contact_points import Measured, PointSource, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone
@@ -68,12 +68,12 @@ class PointLayout:
     @lazy
     def everything(self) -> Array:
         """True for each point, shape (k,). Always the same array, so that `is` tells whether a set has all points."""
-        return _constant(len(self.owners), True)
+        return locked(np.ones(len(self.owners), bool))
 
     @lazy
     def nothing(self) -> Array:
         """No point, likewise."""
-        return _constant(len(self.owners), False)
+        return locked(np.zeros(len(self.owners), bool))
 
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> PointLayout:
@@ -109,12 +109,6 @@ class PointLayout:
             tuple(spans),
             bool(boxes.any()),
         )
-
-
-def _constant(k: int, value: bool) -> Array:
-    out = np.full(k, value)
-    out.flags.writeable = False
-    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float
+from rbd.arrays import Array, as_array, as_float, locked
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import is_element
@@ -204,12 +204,10 @@ def _checked_array(column: FieldColumn, value: Array, shape: Sequence[int | None
         out = np.array(value) if not isinstance(value, np.ndarray) or value.flags.writeable else value
         if out.dtype.kind != "U" or out.shape != tuple(shape):
             raise InputError(f"{column} are {out.dtype} of shape {out.shape}; expected {shape[0]} words.")
-        out.flags.writeable = False
-        return out
+        return locked(out)
     out = value
     if type(value) is not np.ndarray or value.dtype != float or value.flags.writeable:
-        out = as_array(f"{column} of a trajectory", value)
-        out.flags.writeable = False
+        out = locked(as_array(f"{column} of a trajectory", value))
     if len(out.shape) != len(shape) or any(k is not None and k != m for k, m in zip(shape, out.shape, strict=True)):
         sizes = ", ".join("any" if k is None else str(k) for k in shape)
         raise InputError(f"{column} of a trajectory: shape {out.shape}; expected ({sizes}).")

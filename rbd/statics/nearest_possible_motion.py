@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, blas, cross_matrix, inertia_factor, max_abs
 from rbd.displayed import Displayed
+from rbd.model.urdf import grouped
 from rbd.problem.conic import Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic_newton import solve_conic
@@ -114,9 +115,8 @@ def missing(loads: ForceBalance, effort: Effort) -> Missing | None:
     u = found["missing"] * unit
     scale = np.array([1.0, 1.0, 1.0, L, L, L])
     wrenches = {name: u[6 * i : 6 * i + 6] * scale for i, name in enumerate(names)}
-    torques = dict[str, list[float]]()
-    for (name, k_), value in zip(passive, u[6 * len(names) :].tolist(), strict=True):
-        torques.setdefault(name, []).append(float(value * H[k_, :].max() / unit))
+    values = zip(passive, u[6 * len(names) :].tolist(), strict=True)
+    torques = grouped((name, float(value * H[k_, :].max() / unit)) for (name, k_), value in values)
     return Missing(wrenches, {name: np.array(x) for name, x in torques.items()}, L, float(np.linalg.norm(u)))
 
 

@@ -23,6 +23,7 @@ import pinocchio as pin
 from rbd.arrays import Array, cross_matrix
 from rbd.errors import InputError, ModelWarning
 from rbd.model.meshes import solid_hull
+from rbd.model.urdf import grouped
 from rbd.visual import shapes
 from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR, hexadecimal
@@ -285,12 +286,9 @@ def read_collada(path: str | Path) -> list[ColoredMesh]:
     for element in tree.iter():
         element.tag = element.tag.rpartition("}")[2]
     named = {element.get("id", ""): element for element in tree.iter() if element.get("id")}
-    by_color: dict[Rgba | None, list[Mesh]] = {}
-    for scene in tree.iter("visual_scene"):
-        for node in scene.findall("node"):
-            for mesh, rgba in _of_node(node, _upright_metres(tree), named):
-                by_color.setdefault(rgba, []).append(mesh)
-    return [ColoredMesh(joined(meshes), rgba) for rgba, meshes in by_color.items()]
+    nodes = [node for scene in tree.iter("visual_scene") for node in scene.findall("node")]
+    found = [(rgba, mesh) for node in nodes for mesh, rgba in _of_node(node, _upright_metres(tree), named)]
+    return [ColoredMesh(joined(meshes), rgba) for rgba, meshes in grouped(found).items()]
 
 
 def _upright_metres(tree: Element) -> Array:

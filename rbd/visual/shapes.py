@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, locked
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,9 +82,7 @@ def _revolved(profile: tuple[tuple[float, float], ...], smooth: bool, segments: 
     high = low + segments
     first = np.stack([low + here, low + after, high + after], axis=-1)
     second = np.stack([low + here, high + after, high + here], axis=-1)
-    out = Mesh(vertices.reshape(-1, 3), np.stack([first, second], axis=1).reshape(-1, 3))
-    out.vertices.flags.writeable = out.faces.flags.writeable = False
-    return out
+    return Mesh(locked(vertices.reshape(-1, 3)), locked(np.stack([first, second], axis=1).reshape(-1, 3)))
 
 
 def ball(radius: float, *, centre: Array | None = None, segments: int = 24) -> Mesh:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rbd.answers.many.states import ManyStates
 from rbd.answers.many.world_forces import forces_of
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, lazy, locked
 from rbd.constraints.constraint import Constraint, is_open
 from rbd.constraints.distance_warnings import joint_bounds
 from rbd.errors import (
@@ -362,14 +362,14 @@ class Sheet:
             out.write_forces(i, *chosen(i))
         for x in [x for table in out.tables.values() for x in table.values()]:
             x[lost] = np.nan
-            x.flags.writeable = False
+            locked(x)
         return out
 
     def fields(self) -> dict[str, Any]:
         """The fields of a `ManyAnswers`, read-only."""
         tables = [x for kind in ("residuals", "warned") for x in self.tables[kind].values()]
         for array in (self.a, self.weights, self.status, self.reason_codes, self.codes, self.one_by_one, *tables):
-            array.flags.writeable = False
+            locked(array)
         warned = {what: some for what, some in self.tables["warned"].items() if some.any()}
         residuals = {name: self.tables["residuals"][name] for name in RESIDUALS if name in self.tables["residuals"]}
         return {

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, lazy
+from rbd.arrays import Array, as_array, lazy, locked
 from rbd.constraints.constraint import Constraint, check_on, has_friction, made, member, with_loops
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.errors.inputs import check_different
@@ -251,9 +251,7 @@ class _Table:
 
     def broadcast(self, n: int) -> Array:
         """One row a state, read-only."""
-        out = np.broadcast_to(self.values, (n, self.values.shape[1])) if len(self.values) != n else self.values
-        out.flags.writeable = False
-        return out
+        return locked(np.broadcast_to(self.values, (n, self.values.shape[1])) if len(self.values) != n else self.values)
 
 
 def _common(rows: Mapping[str, int | None]) -> int:

@@ -17,7 +17,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, locked
 from rbd.constraints.convex.polygons import DIRECTIONS, MOST_POINTS, RIM_CORNERS, TOWARDS, across
 from rbd.errors import ModelError
 from rbd.model.meshes import solid_hull
@@ -171,7 +171,7 @@ def _solid(data: bytes) -> tuple[Array, Array, coal.Convex]:
         hull = solid_hull(points)
     except ValueError:
         corners = np.unique(points, axis=0)
-        return _frozen(corners), _frozen(np.zeros((0, 4))), coal.Convex(_vectors(corners), _triangles(np.zeros((0, 3), int)))
+        return locked(corners), locked(np.zeros((0, 4))), coal.Convex(_vectors(corners), _triangles(np.zeros((0, 3), int)))
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     triangles, corners = number[hull.simplices], points[hull.vertices]
@@ -179,13 +179,7 @@ def _solid(data: bytes) -> tuple[Array, Array, coal.Convex]:
     equations = hull.equations[np.sort(faces)]
     faces = np.column_stack([equations[:, :3], -equations[:, 3]])
     solid = coal.Convex(_vectors(corners), _triangles(triangles))
-    return _frozen(corners[_few(corners, faces)]), _frozen(faces), solid
-
-
-def _frozen(array: Array) -> Array:
-    """The array, which several shapes share."""
-    array.flags.writeable = False
-    return array
+    return locked(corners[_few(corners, faces)]), locked(faces), solid
 
 
 def _few(corners: Array, faces: Array) -> Array:

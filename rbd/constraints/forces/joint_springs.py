@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite
+from rbd.arrays import Array, as_finite, locked
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.forces.coordinates import WIDEST, from_rest, inverse_left_jacobian, rotation_vector, too_far
 from rbd.constraints.forces.element import ElementPicture, check_parameter
@@ -255,8 +255,7 @@ def _diagonal(element: JointDamping, robot: CheckedModel) -> Array:
     d = np.zeros(robot.nv)
     for joint, value in element.damping.items():
         d[robot.joints.velocity(joint)] += value
-    d.flags.writeable = False
-    return d
+    return locked(d)
 
 
 def _picture(kind: str, joint: Joint, state: State, force: Array) -> ElementPicture:
