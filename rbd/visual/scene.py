@@ -246,8 +246,8 @@ class Scene(Displayed, Closing):
         Raises:
             PictureError: if nothing has been shown, or the file cannot be written.
         """
-        page, target = self.page(), a_page(path)
-        write_page(target, page)
+        target = a_page(path)
+        write_page(target, self.page())
         return target
 
     def screenshot(
