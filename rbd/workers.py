@@ -115,7 +115,8 @@ class ProcessDied(Exception):  # noqa: N818  it says what happened
         super().__init__(told)
 
 
-_LIMITED = threading.Lock()
+_LIMITED = dict[str, object]()
+"""The block that has set the limit, if one has. No lock: a forked child would find it locked for ever."""
 
 
 @contextmanager
@@ -126,14 +127,14 @@ def one_blas_thread() -> Iterator[None]:
     falling humanoid's steps take four times as long with two threads. The bits are the same. A block inside another, also of
     another thread, changes nothing: the first one sets and restores.
     """
-    if not _LIMITED.acquire(blocking=False):
+    if _LIMITED.setdefault("block", mine := object()) is not mine:  # one call: no other thread comes in between
         yield
         return
     try:
         with _libraries().limit(limits=1, user_api="blas"):
             yield
     finally:
-        _LIMITED.release()
+        _LIMITED.clear()
 
 
 @cache
