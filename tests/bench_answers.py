@@ -85,7 +85,8 @@ def commands_of(d: Draws) -> dict[str, Column]:
     inside, at_limit = d.wanted()
     joint = [j for j in d.robot.joints.values() if j.nv == 1 and ("arm" in j.name or "shoulder" in j.name)][0]
     push, uneven = rbd.ExternalForce(d.frictional[0].frame, (5.0, 0.0, 0.0)), rbd.statics.Effort({joint.name: 5.0}, 1e-3)
-    locked, lock = [(q, v, a * (np.arange(len(a)) != joint.v.start)) for q, v, a in inside], rbd.JointLock("lock", joint.name)
+    others, lock = np.arange(d.robot.nv) != joint.v.start, rbd.JointLock("lock", joint.name)
+    locked = [(q, v * others, a * others) for q, v, a in inside]
 
     def holding(i: int) -> rbd.Actuation:
         return rbd.hold(rbd.State(d.robot, inside[i][0]), d.frictional)
