@@ -22,7 +22,6 @@ FEW = (
     "rbd.solve, held",
     "rbd.solve, frictional, sticking",
     "rbd.solve, slipping, Coulomb's law",
-    "rbd.solve, sliding at 0.3 m/s",
     "rbd.solve_many, 10,000 states, a state: frictional, sticking",
     "rbd.control.step, a walking robot's tasks, both soles",
     "rbd.simulate by default at rest, torques from Python, a step of 1 ms",
