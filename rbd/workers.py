@@ -116,7 +116,7 @@ class ProcessDied(Exception):  # noqa: N818  it says what happened
 
 
 _LIMITED = dict[str, object]()
-"""The block that has set the limit, if one has. No lock: a forked child would find it locked for ever."""
+"""The block that has set the limit, if one has. Not a lock: a process forked while one is held can never take it."""
 
 
 @contextmanager

@@ -21,10 +21,10 @@ _BEYOND = 1e-9
 
 
 @compiled
-def _subtract(x: Array, factor: float, y: Array, start: int) -> None:
-    """Subtract a multiple of x from y, from an entry on."""
-    for i in range(start, len(y)):
-        y[i] -= factor * x[i]
+def _add(factor: float, x: Array, y: Array) -> None:
+    """Add a multiple of x to y."""
+    for i in range(len(y)):
+        y[i] += factor * x[i]
 
 
 def _optimality(
@@ -118,12 +118,12 @@ def _assembled(
     for i in range(len(G)):
         for c in range(len(need)):
             if J[i, c] != 0.0:
-                _subtract(G[i], -J[i, c], per_weight[c], 0)
+                _add(J[i, c], G[i], per_weight[c])
     H[:p, :p], g[:p] = K, k
     for i in range(len(A)):
         for c in range(len(need)):
             if A[i, c] != 0.0:
-                _subtract(A[i], -cost[i] * A[i, c], H[p + c, p:], 0)
+                _add(cost[i] * A[i, c], A[i], H[p + c, p:])
                 g[p + c] -= cost[i] * A[i, c] * wanted[i]
     E[:e, :p], E[:e, p:], b[:e] = -per_weight[idle], M[idle] / unit, -need[idle] / unit
     E[e:, p:], b[e:] = J, -offset
@@ -189,7 +189,7 @@ def _judged(
     for k in range(len(mu)):
         f = np.zeros(3)
         for j in range(spans[k, 0], spans[k, 1]):
-            _subtract(push[j], -w[j], f, 0)
+            _add(w[j], push[j], f)
         if not np.hypot(f[0], f[1]) <= mu[k] * f[2]:
             normal, factor, _ = project(f[0], f[1], f[2], mu[k], False)
             cones = max(cones, abs(f[2] - normal), abs(f[0] - factor * f[0]), abs(f[1] - factor * f[1]))

@@ -43,8 +43,8 @@ _ROUGH, _CLOSE = 1e-4, 1e-4
 """Merits at which further points are looked for, and below which not before this merit is `EXACT`."""
 _NEARLY = 1e-12
 """Merit at which no further points are taken into account."""
-_FINE = 1e-9
-"""Compliance in Newton's matrix in the last steps."""
+_FINE, _LAST = 1e-9, 6
+"""Compliance in Newton's matrix in the last steps, and how many these are at most."""
 _EARLY = 6
 """First steps in which the sum of squares may grow."""
 
@@ -170,8 +170,8 @@ def _forces(given: Problem, start: Array, coulomb: bool, seeds: Array, out: Arra
         merit, more = settle(problem, w, unit[n:], MOBILITY, merit, firm, room)
         steps += more
     if EXACT < merit <= FOUND:  # the steps' own regularisation stalls rows that are nearly dependent
-        fine = Settings(firm.soft, firm.about, _FINE, 0, _EARLY, coulomb)
-        merit, more = damped_steps(problem, chosen[:count], w, fine, EXACT, room)
+        fine = Settings(firm.soft, firm.about, _FINE, 0, _LAST, coulomb)
+        _, more = damped_steps(problem, chosen[:count], w, fine, EXACT, room)
         steps += more
     if coulomb and merit <= FOUND:
         merit, more, opened = limit(problem, w, unit[n:], MOBILITY, merit, firm, room)
