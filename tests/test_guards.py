@@ -1243,7 +1243,18 @@ def use_save(**given: Any) -> Any:
     return SWAY.save(**given)
 
 
+def use_files(ask: Any, files: Any, **given: Any) -> Any:
+    """The same for files that are listed: no folder of the machine is walked."""
+    return [str(each) for each in ask("/nowhere/x.csv" if isinstance(files, str) else files, **given)]
+
+
 CASES |= {
+    "motion.list_motions": Case(
+        lambda **given: use_files(rbd.motion.list_motions, **given), {"files": [SWAY_FILE], "robot": BOLT}, 10
+    ),
+    "motion.read_all": Case(
+        lambda **given: use_files(rbd.motion.read_all, **given), {"files": {"bolt": SWAY_FILE}, "rate": 20.0}, 10
+    ),
     "motion.derivatives": Case(
         lambda **given: (found := rbd.motion.derivatives(**given))[:2] + (found[2].noise_a, found[2].cutoff),
         {"robot": BOLT, "t": SWAY_T, "q": SWAY_Q, "window": 0.2, "order": 3, "method": "local polynomial", "noise": 1e-6},
@@ -1332,6 +1343,7 @@ MADE_BY_RBD = {
     "Explorer",
     "Motion",
     "MotionDifference",
+    "MotionFile",
     "Derivation",
     "ContactTimeline",
     "MotionReport",

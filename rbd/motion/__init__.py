@@ -10,6 +10,7 @@ from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import Derivation, derivatives
 from rbd.motion.difference import MotionDifference
 from rbd.motion.force_estimate import ForceEstimate, OpenComponents
+from rbd.motion.many_files import MotionFile, list_motions, read_all
 from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_along
 from rbd.motion.observer import MomentumObserver
 from rbd.motion.reference_motion import Motion, minimum_jerk
@@ -25,6 +26,7 @@ __all__ = [
     "MomentumObserver",
     "Motion",
     "MotionDifference",
+    "MotionFile",
     "MotionReport",
     "OpenComponents",
     "SensorNoise",
@@ -33,7 +35,9 @@ __all__ = [
     "estimate_forces",
     "estimate_forces_along",
     "find_contacts",
+    "list_motions",
     "minimum_jerk",
+    "read_all",
 ]
 
 
