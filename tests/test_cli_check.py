@@ -108,8 +108,9 @@ def test_lifted_and_filtered_motions_stand_beside_the_first(folder, tmp_path):
     """The file says both; a robot that always hangs 3 cm high is possible once it is put onto the floor."""
     q = np.loadtxt(folder / "stands.csv", delimiter=",") + 0.03 * np.eye(36)[2]
     np.savetxt(tmp_path / "high.csv", q, delimiter=",", fmt="%.6f")
-    assert run(tmp_path / "high.csv", *G1)[0] == 1
-    code, out, _ = run(tmp_path / "high.csv", *G1, "--lift", "--filter", "6", "--json", tmp_path / "x.json")
+    assert run(tmp_path / "high.csv", *G1)[0] == 0  # the floor is fitted
+    assert run(tmp_path / "high.csv", *G1, "--ground", "0")[0] == 1
+    code, out, _ = run(tmp_path / "high.csv", *G1, "--ground", "0", "--lift", "--filter", "6", "--json", tmp_path / "x.json")
     numbers = json.loads((tmp_path / "x.json").read_text())["motions"][0]
     assert code == 0 and "0.0 -> 100.0 %" in out
     assert numbers["possible"] == 1.0 and numbers["before"]["possible"] == 0.0

@@ -88,6 +88,8 @@ FROZEN = {
     79: "not_possible: torque-speed",
     80: "not_possible: jump",
     81: "not_possible: self-collision",
+    82: "not_possible: tilted sole",
+    83: "not_possible: hovering foot",
     85: "picture_error",
     86: "contract_broken",
     87: "contract_broken: constraint",

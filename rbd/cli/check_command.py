@@ -56,7 +56,9 @@ def check(
     robot: Annotated[str | None, typer.Option(help="Name (g1) or path of a URDF; not needed where a file names it.")] = None,
     rate: Annotated[float | None, typer.Option(help="Frames a second, of files that do not say.")] = None,
     friction: Annotated[float, typer.Option(help="Coulomb's coefficient of the floor.")] = 0.7,
-    ground: Annotated[str | None, typer.Option(metavar="Z|fit", help="Height of the floor in metres, or fitted; 0.")] = None,
+    ground: Annotated[
+        str | None, typer.Option(metavar="Z|fit", help="Height of the floor in metres; fitted, and said.")
+    ] = None,
     torque_limits: Annotated[
         str, typer.Option(metavar="SHARE|none", help="Share of the robot's torque limits that counts, or none.")
     ] = "1",

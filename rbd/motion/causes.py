@@ -19,7 +19,7 @@ from rbd.solvers.cone_least_squares import nearest_in_cones
 
 CAUSES = (
     "floats", "sinks", "slides", "friction", "tips", "motor", "joint limit", "speed limit", "torque-speed", "jump",
-    "self-collision",
+    "self-collision", "tilted sole", "hovering foot",
 )  # fmt: skip
 SINKS_M = 0.01
 """A point lower than this below the floor sinks [m]."""
@@ -74,25 +74,44 @@ def without_balance(
     return ~something | (neither & ~both), slips | both, tips | both
 
 
-def sliding(A: Array, b: Array, slides: Array, size: Array, most: Array, mu: float) -> Array:
-    """Frames that need a force at a point that slides, shape (n,): without these points more is missing than may be.
+def needed(A: Array, b: Array, some: Array, size: Array, most: Array, mu: float) -> Array:
+    """Frames that need a force at some of the points, shape (n,): without these more is missing than may be.
 
-    A foot that the robot could as well lift does not carry, and may glide along the floor.
+    A foot that the robot could as well lift does not carry, and may glide along the floor, or hover.
 
     Args:
         A: Scaled map of forces at the points that touch, shape (n, 6, k, 3).
         b: Scaled wrench that is needed, shape (n, 6).
-        slides: Which points slide, shape (n, k).
+        some: The points, shape (n, k).
         size: What is missing with all points, shape (n,).
         most: How much may be missing, shape (n,).
         mu: Friction.
     """
     out = np.zeros(len(b), bool)
-    at = np.flatnonzero(slides.any(axis=1))
+    at = np.flatnonzero(some.any(axis=1))
     if len(at):
-        left = nearest_in_cones(np.where(slides[at][:, None, :, None], 0.0, A[at]), b[at], mu).left
+        left = nearest_in_cones(np.where(some[at][:, None, :, None], 0.0, A[at]), b[at], mu).left
         out[at] = np.linalg.norm(left, axis=1) > np.maximum(most[at], size[at] + _SAME)
     return out
+
+
+def needs_raised(A: Array, b: Array, tilted: Array, hovers: Array, size: Array, most: Array, mu: float) -> tuple[Array, Array]:
+    """Masks (tilted sole, hovering foot) of frames that need a force where nothing is on the floor, shapes (n,).
+
+    If either would do without the other, it is both.
+
+    Args:
+        A: Scaled map of forces at the points that touch as meant, shape (n, 6, k, 3).
+        b: Scaled wrench that is needed, shape (n, 6).
+        tilted: Raised points of feet that are on the floor, shape (n, k).
+        hovers: Points of feet that are not, shape (n, k).
+        size: What is missing with all points, shape (n,).
+        most: How much may be missing, shape (n,).
+        mu: Friction.
+    """
+    found = [needed(A, b, some, size, most, mu) for some in (tilted, hovers)]
+    either = needed(A, b, tilted | hovers, size, most, mu) & ~found[0] & ~found[1]
+    return found[0] | (either & tilted.any(axis=1)), found[1] | (either & hovers.any(axis=1))
 
 
 def beyond_position(motion: Motion) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,12 +15,12 @@ from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.motion import causes as why
-from rbd.motion.contact_detection import NOISE, REST_SPEED, find_contacts
+from rbd.motion.contact_detection import NOISE, REST_SPEED, TOUCH_HEIGHT, TOUCH_SPEED, find_contacts
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
 from rbd.motion.missing_wrench import least_effort, nearest_acceleration
 from rbd.motion.reference_motion import Motion
-from rbd.motion.report import CheckSettings, MotionReport
+from rbd.motion.report import HEIGHTS, CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
 from rbd.simulation.progress_bar import progress_of
 from rbd.solvers.cone_least_squares import nearest_in_cones
@@ -46,6 +47,8 @@ def check_motion(
     bodies: bool = False,
     self_collision: bool = True,
     torque_speed: Mapping[str, tuple[float, float]] | None = None,
+    touch_height: float = TOUCH_HEIGHT,
+    touch_speed: float = TOUCH_SPEED,
     rest_speed: float = REST_SPEED,
     progress: bool = True,
 ) -> MotionReport:
@@ -57,18 +60,23 @@ def check_motion(
     wrench those forces are then chosen whose torques are least; none may exceed its limit. Sinking, sliding, limits of joints
     and speeds, jumps in the data and self-collision are read from the motion. A frame without any of these causes is possible.
 
+    Contacts are those meant (`find_contacts`). Where the points on the floor do not do, those raised above it are taken as
+    well, and the frame has the cause "tilted sole" or "hovering foot".
+
     Args:
         motion: The motion.
         friction: Coulomb's coefficient of the floor.
         torque_limits: Whether the robot's torque limits count, and the torque-speed lines of its `rbd.Motor`s; or a share of
             them, 0.6.
         contacts: Which points touch, when; None: `motion.contacts`, or what `find_contacts` finds.
-        ground: Height of the floor, or "fit"; see `find_contacts`.
+        ground: Height of the floor, or "fit"; by default fitted, see `find_contacts`.
         threshold: How much of the weight may be missing.
         bodies: Whether other bodies than the feet can touch the floor.
         self_collision: Whether bodies are tested against each other.
         torque_speed: {joint: (stall torque [N m], no-load speed [rad/s])}: less torque at higher speed, in a straight line;
             besides the lines of `robot.with_motors`.
+        touch_height: Height up to which a foot is meant to touch [m]; see `find_contacts`.
+        touch_speed: Speed up to which it is meant to [m/s].
         rest_speed: Fastest motion of a point that holds [m/s].
         progress: Show a bar on a terminal where it takes long.
 
@@ -94,7 +102,9 @@ def check_motion(
     check_flag("bodies", bodies)
     check_flag("progress", progress)
     bounds = why.torque_bounds(robot, motion.v, torque_limits, torque_speed)
-    settings = CheckSettings(mu, torque_limits, ground, most, bodies, self_collision, torque_speed, rest_speed)
+    settings = CheckSettings(
+        mu, torque_limits, ground, most, bodies, self_collision, torque_speed, touch_height, touch_speed, rest_speed
+    )
     lanes = _lanes(motion, contacts, settings)
     span = (0.0, float(motion.n))
     with one_blas_thread(), progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
@@ -141,8 +151,8 @@ def balance(
     n, nu = motion.n, robot.nu
     out: dict[str, Any] = {
         "causes": np.zeros((n, len(why.CAUSES)), bool), "missing": np.zeros((n, 6)), "missing_scaled": np.zeros(n),
-        "open": np.zeros(n), "forces": np.zeros((n, len(lanes.points), 3)), "tau": np.zeros((n, nu)),
-        "excess": np.zeros((n, nu)), "nearest_a": motion.a.copy(),
+        "open": np.zeros(n), "reach": np.full(n, np.inf), "forces": np.zeros((n, len(lanes.points), 3)),
+        "tau": np.zeros((n, nu)), "excess": np.zeros((n, nu)), "nearest_a": motion.a.copy(),
     }  # fmt: skip
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
@@ -154,20 +164,21 @@ def balance(
         terms = FrameTerms.of(robot, motion.q[at], motion.v[at], motion.a[at], sigma)
         used = np.asarray(lanes.touches[at].any(axis=0))
         points, places, touches = lanes.points.some(used), lanes.places[at][:, used], lanes.touches[at][:, used]
-        A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
-        b = terms.wrench / scale
-        fit = nearest_in_cones(A, b, mu)  # the missing wrench over its scale, and forces over the weight
-        left, size = fit.left, np.linalg.norm(fit.left, axis=1)
+        all_A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
+        b, most = terms.wrench / scale, np.maximum(settings.threshold, OPEN * terms.wrench_noise)
+        carry = _carrying(all_A, b, lanes.at_frames(at), used, most, mu)
+        A, left, size, touches = carry.A, carry.left, np.linalg.norm(carry.left, axis=1), touches & carry.taken
+        out["reach"][at] = carry.reach
+        for name, mask in carry.causes.items():
+            out["causes"][at, names[name]] = mask
         out["missing"][at], out["missing_scaled"][at], out["open"][at] = left * scale, size, terms.wrench_noise
         now = bounds[0][at], bounds[1][at]
-        forces, tau = least_effort(terms, points, places, touches, A, b - left, fit.w, mu, most_torque, now)
+        forces, tau = least_effort(terms, points, places, touches, A, b - left, carry.w, mu, most_torque, now)
         out["forces"][at.start : at.stop, used], out["tau"][at] = forces, tau
         noise = NOISE * terms.M_size[:, robot.actuated] / limit
         over = np.maximum(np.abs(tau) / limit - 1.0, 0.0)
         out["excess"][at] = excess = np.where(over > why.EXCESS + noise, over, 0.0)
-        most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
         out["causes"][at, names["motor"]] = excess.any(axis=1)
-        out["causes"][at, names["slides"]] = why.sliding(A, b, lanes.slides[at][:, used], size, most, mu)
         bad = np.flatnonzero(size > most)
         if len(bad):
             some = terms.some(bad)
@@ -177,6 +188,53 @@ def balance(
             out["nearest_a"][begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu)
         done(float(begin + step))
     return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Carrying:
+    """Which points carry in n frames, and what is missing then.
+
+    Attributes:
+        A: Scaled map of their forces, shape (n, 6, k, 3).
+        taken: Which points are taken, shape (n, k): those on the floor where these do, else all that touch as meant.
+        w: Forces over the weight, shape (n, k, 3).
+        left: The missing wrench over its scale, shape (n, 6).
+        reach: As of `MotionReport`.
+        causes: {cause of feet: its frames}.
+    """
+
+    A: Array
+    taken: Array
+    w: Array
+    left: Array
+    reach: Array
+    causes: dict[str, Array]
+
+
+def _carrying(all_A: Array, b: Array, lanes: ContactTimeline, used: Array, most: Array, mu: float) -> _Carrying:
+    slides, raised, heights = lanes.slides[:, used], lanes.raised[:, used], lanes.heights[:, used]
+    A, taken, reach = np.where(raised[:, None, :, None], 0.0, all_A), ~raised, np.full(len(b), np.inf)
+    fit = nearest_in_cones(A, b, mu)
+    w, left, size = fit.w, fit.left, np.linalg.norm(fit.left, axis=1)
+    slipping = why.needed(A, b, slides & taken, size, most, mu)
+    reach[(size <= most) & ~slipping] = 0.0
+    tilted, hovers = np.zeros((2, len(b)), bool)
+    lift = np.flatnonzero((size > most) & raised.any(axis=1))
+    if len(lift):
+        down = lanes.points.group_any(lanes.on_floor)[:, used]
+        A[lift], taken[lift] = all_A[lift], True
+        fit = nearest_in_cones(A[lift], b[lift], mu)
+        w[lift], left[lift], size[lift] = fit.w, fit.left, np.linalg.norm(fit.left, axis=1)
+        some = A[lift], b[lift]
+        slipping[lift] = why.needed(*some, slides[lift], size[lift], most[lift], mu)
+        off = [(raised & each)[lift] for each in (down, ~down)]
+        tilted[lift], hovers[lift] = why.needs_raised(*some, off[0], off[1], size[lift], most[lift], mu)
+    for height in HEIGHTS[1:]:
+        at = np.flatnonzero(np.isinf(reach) & raised.any(axis=1))
+        no = slides[at] | (raised[at] & (heights[at] > height))
+        rest = nearest_in_cones(np.where(no[:, None, :, None], 0.0, all_A[at]), b[at], mu).left
+        reach[at[np.linalg.norm(rest, axis=1) <= most[at]]] = height
+    return _Carrying(A, taken, w, left, reach, {"slides": slipping, "tilted sole": tilted, "hovering foot": hovers})
 
 
 def _limits(limit: Array, given: bool | float) -> Array:
@@ -189,7 +247,8 @@ def _limits(limit: Array, given: bool | float) -> Array:
 def _lanes(motion: Motion, contacts: ContactTimeline | None, settings: CheckSettings) -> ContactTimeline:
     given = motion.contacts if contacts is None else contacts
     if given is None:
-        return find_contacts(motion, bodies=settings.bodies, ground=settings.ground, rest_speed=settings.rest_speed)
+        names = ("bodies", "ground", "touch_height", "touch_speed", "rest_speed")
+        return find_contacts(motion, **{name: getattr(settings, name) for name in names})
     check_kind("contacts", given, ContactTimeline, "ContactTimeline: rbd.motion.find_contacts(motion)")
     if not motion.robot.is_like(given.points.robot) or len(given.t) != motion.n or not np.array_equal(given.t, motion.t):
         raise InputError("contacts are of another motion: their robot or their times differ. Find those of this one.")

@@ -36,6 +36,7 @@ class ContactTimeline(Displayed):
         places: Positions, shape (n, k, 3) [m].
         ground: Height of the floor [m].
         noise: What the decimals of the data leave in a speed, standard deviation, shape (n, k) [m/s].
+        raised: Which of those that touch are above the floor: of a tilted sole, or of a foot that hovers, shape (n, k).
         notes: What was assumed, in words.
 
     Example:
@@ -56,6 +57,7 @@ class ContactTimeline(Displayed):
     places: Array
     ground: float
     noise: Array
+    raised: Array
     notes: tuple[str, ...] = ()
 
     @property
@@ -72,15 +74,15 @@ class ContactTimeline(Displayed):
         """Whether a point, or any point of a contact, touches, shape (n,)."""
         return np.asarray(self.touches[:, self._chosen(name)].any(axis=1))
 
-    def at_frames(self, chosen: Array) -> ContactTimeline:
-        """The same contacts in some of the frames, by a mask or indices."""
-        arrays = ("t", "touches", "slides", "heights", "speeds", "places", "noise")
+    def at_frames(self, chosen: Array | slice) -> ContactTimeline:
+        """The same contacts in some of the frames, by a mask, indices or a slice."""
+        arrays = ("t", "touches", "slides", "heights", "speeds", "places", "noise", "raised")
         return replace(self, **{name: getattr(self, name)[chosen] for name in arrays})
 
     def with_touch(self, name: str, start: float, end: float, touches: bool = True) -> ContactTimeline:
         """A copy in which a point, or all points of a contact, touch from start to end, or do not.
 
-        Points that are said to touch hold, unless they were found to slide.
+        Points that are said to touch hold, unless they were found to slide or to be raised.
 
         Args:
             name: Of a point, "left_sole 1", or of a contact, "left_sole".
@@ -98,7 +100,7 @@ class ContactTimeline(Displayed):
         when = (self.t >= first) & (self.t <= last)
         changed = self.touches.copy()
         changed[np.ix_(when, self._chosen(name))] = bool(touches)
-        return replace(self, touches=changed, slides=self.slides & changed)
+        return replace(self, touches=changed, slides=self.slides & changed, raised=self.raised & changed)
 
     def of(self, names: Sequence[str], intervals: Sequence[Sequence[Sequence[float]]]) -> ContactTimeline:
         """A copy in which exactly these touch.
@@ -114,11 +116,16 @@ class ContactTimeline(Displayed):
         if len(names) != len(intervals):
             raise InputError(f"{len(intervals)} lists of intervals for {len(names)} names; expected one for each.")
         none = np.zeros_like(self.touches)
-        found = replace(self, touches=none, slides=none)
+        found = replace(self, touches=none, slides=none, raised=none)
         for name, each in zip(names, intervals, strict=True):
             for start, end in each:
                 found = found.with_touch(name, start, end)
-        return replace(found, slides=self.slides & found.touches)
+        return replace(found, slides=self.slides & found.touches, raised=self.raised & found.touches)
+
+    @property
+    def on_floor(self) -> Array:
+        """Which points touch and are not raised, shape (n, k)."""
+        return np.asarray(self.touches & ~self.raised)
 
     def intervals(self, name: str) -> list[tuple[float, float]]:
         """When a point, or any point of a contact, touches: (first time, last time) of each stretch [s]."""
@@ -213,6 +220,29 @@ class FloorPoints:
             self.robot, self.contacts, names, self.group[which], self.joint[which], self.local[which], self.radius[which]
         )
 
+    def group_any(self, which: Array) -> Array:
+        """Whether any point of the same contact is chosen, shape (n, k), of a mask of this shape."""
+        out = np.zeros_like(which)
+        for g in np.unique(self.group):
+            out[:, self.group == g] = which[:, self.group == g].any(axis=1, keepdims=True)
+        return out
+
+    def tilts(self, heights: Array) -> Array:
+        """Angle between each contact's corners and a level floor, shape (n, contacts) [rad]; zero of a point, and of bodies.
+
+        Args:
+            heights: Of the points, shape (n, k) [m].
+        """
+        out = np.zeros((len(heights), len(self.contacts)))
+        for g, contact in enumerate(self.contacts):
+            own = np.flatnonzero(self.group == g)
+            if isinstance(contact, Contact) and len(own) > 1:
+                U, size, _ = np.linalg.svd(self.local[own] - self.local[own].mean(axis=0), full_matrices=False)
+                along = size > 1e-6 * size[0]  # heights over lengths along the sole's axes: the sine of the tilt
+                slope = np.linalg.norm(heights[:, own] @ (U[:, along] / size[along]), axis=1)
+                out[:, g] = np.arcsin(np.minimum(slope, 1.0))
+        return out
+
     def places(self, R: Array, p: Array) -> Array:
         """Where they are in W, shape (n, k, 3) [m].
 
@@ -293,7 +323,7 @@ class FloorContacts:
 
     def update(self, state: State, frame: int) -> Array:
         """Which contacts touch at a state, shape (contacts,); by the frame of the reference that belongs to it."""
-        points, wanted = self.lanes.points, self.lanes.touches[frame]
+        points, wanted = self.lanes.points, self.lanes.on_floor[frame]
         R, p = state.joint_places(points.joint.tolist())
         low = (R @ points.local[:, :, None])[..., 0][:, 2] + p[:, 2] - points.radius - self.lanes.ground
         weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Shares of the weight at which the summary reads the curve."""
+HEIGHTS = (0.006, 0.012, 0.02, 0.03)
+"""Heights at which the summary tells what share were possible if lower points touched [m]: sensitivity to the contacts."""
 _SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
 _SIZES = {
     "sinks": (1e3, "mm below the floor"),
@@ -59,6 +61,8 @@ class CheckSettings(Displayed):
     bodies: bool
     self_collision: bool
     torque_speed: Mapping[str, tuple[float, float]] | None
+    touch_height: float
+    touch_speed: float
     rest_speed: float
 
 
@@ -77,6 +81,8 @@ class MotionReport(Displayed):
         missing_scaled: Its size: force over the weight, moment over 0.3 m times the weight, shape (n,).
         open: Standard deviation of that by noise of the accelerations, as differentiation tells it, shape (n,). That of q and v
             moves it by less and is left out.
+        reach: The least of `HEIGHTS` at which the frame would balance without slip, if the points of meant contacts below it
+            were on the floor, shape (n,) [m]; 0 where those that are do, inf where none does.
         forces: At the points, world axes, shape (n, k, 3) [N]: of least effort with what is not missing.
         tau: Motor torques with these forces, shape (n, nu) [N m].
         excess: By how many times its limit each torque exceeds it at least, shape (n, nu).
@@ -105,6 +111,7 @@ class MotionReport(Displayed):
     missing: Array
     missing_scaled: Array
     open: Array
+    reach: Array
     forces: Array
     tau: Array
     excess: Array
@@ -235,9 +242,9 @@ class MotionReport(Displayed):
     def lifted(self) -> MotionReport:
         """The report of the same motion moved by a constant height, so that its lowest points stand on the floor.
 
-        The height is the median over the frames of the lowest point. Contacts are found again.
+        The height is that of the fitted floor; see `find_contacts`. Contacts are found again.
         """
-        down = fitted_ground(self.lanes.places) - self.lanes.ground if len(self.lanes.points) else 0.0
+        down = fitted_ground(self.motion.t, self.lanes.places) - self.lanes.ground if len(self.lanes.points) else 0.0
         return self.checked_again(self.motion.lifted(-down))
 
     def filtered(self, cutoff: float) -> MotionReport:
@@ -277,7 +284,11 @@ class MotionReport(Displayed):
         longest = check_number("step", step, 1e-4, 0.1, expected="a time from 1e-4 to 0.1 s")
         unused = check_number("margin", margin, 0.0, 0.9, expected="a share from 0 to 0.9")
         check_flag("progress", progress)
-        if len(self.lanes.points) and np.mean(self.of_cause("floats") & ~self.lanes.touches.any(axis=1)) > 0.5:
+        if (
+            self.before is None
+            and len(self.lanes.points)
+            and np.mean(self.of_cause("floats") & ~self.lanes.touches.any(axis=1)) > 0.5
+        ):
             low = self.lifted()
             by = float(low.motion.q[0, 2] - self.motion.q[0, 2])
             first, *more = (found := low.nearest_motion(margin=margin, step=step, progress=progress)).notes

@@ -68,10 +68,10 @@ class TestClosedForms:
         q = falling(g1, t)
         v, a = np.zeros((len(t), g1.nv)), np.zeros((len(t), g1.nv))
         v[:, 0], v[:, 2], a[:, 2] = 0.3, 2.0 - 9.81 * t, -9.81
-        exact = check_motion(Motion.of_arrays(g1, t, q, v, a), self_collision=False)
+        exact = check_motion(Motion.of_arrays(g1, t, q, v, a), ground=0.0, self_collision=False)
         assert exact.missing_scaled.max() < 1e-12 and exact.possible.all()
         assert not exact.lanes.touches.any()
-        read = check_motion(Motion.of_arrays(g1, t, np.round(q, 6), noise=DECIMALS), self_collision=False)
+        read = check_motion(Motion.of_arrays(g1, t, np.round(q, 6), noise=DECIMALS), ground=0.0, self_collision=False)
         assert read.missing_scaled.max() < 0.01 and read.possible.all()
 
     def test_standing_misses_nothing(self, g1):
@@ -86,7 +86,7 @@ class TestClosedForms:
         """Upwards, and no moment about the centre of mass; the nearest possible acceleration is free fall."""
         q = np.repeat(g1.standing().q[None], 12, axis=0)
         q[:, 2] += 0.5
-        report = check_motion(Motion.of_arrays(g1, np.arange(12) / RATE, q))
+        report = check_motion(Motion.of_arrays(g1, np.arange(12) / RATE, q), ground=0.0)
         assert np.allclose(report.missing, [0.0, 0.0, g1.mass * 9.81, 0.0, 0.0, 0.0], atol=1e-9)
         assert report.of_cause("floats").all() and report.causes.sum() == report.n
         R = placements(g1, q)[0][:, 1]
@@ -138,18 +138,20 @@ class TestFaults:
 
     def test_lifted_it_floats(self, squat):
         """By 5 cm over the floor; `lifted` puts it back."""
-        report = check_motion(squat.lifted(0.05))
+        report = check_motion(squat.lifted(0.05), ground=0.0)
         assert self.only(report, "floats").all()
         again = report.lifted()
         assert again.possible.all() and again.before is report
         assert again.motion.q[:, 2] == pytest.approx(squat.q[:, 2], abs=1e-5)
         assert "0.0 -> 100.0 % of the frames" in str(again)
-        assert check_motion(squat.lifted(0.05), ground="fit").possible.all()
+        found = check_motion(squat.lifted(0.05))
+        assert found.possible.all() and found.lanes.ground == pytest.approx(0.05, abs=1e-5)
+        assert "fitted at z = 0.0500 m" in str(found)
 
     def test_pushed_down_it_sinks(self, squat):
         """By 3 cm; by less than one it does not."""
-        assert self.only(check_motion(squat.lifted(-0.03)), "sinks").all()
-        assert check_motion(squat.lifted(-0.005)).possible.all()
+        assert self.only(check_motion(squat.lifted(-0.03), ground=0.0), "sinks").all()
+        assert check_motion(squat.lifted(-0.005), ground=0.0).possible.all()
 
     def test_drawn_along_the_floor_it_slides(self, g1, squat):
         """At 5 cm/s, and at no more than the half of 5 mm/s it does not."""
@@ -351,7 +353,7 @@ class TestContacts:
         q = np.repeat(g1.standing().q[None], len(t), axis=0)
         height = 0.02 * np.sin(np.pi * t) ** 2
         q[:, 2] += height
-        touches = find_contacts(Motion.of_arrays(g1, t, q)).touches
+        touches = find_contacts(Motion.of_arrays(g1, t, q), touch_height=0.006, ground=0.0).touches
         up, down = height[:31], height[30:]
         assert (touches[:31] == (up <= 0.010)[:, None]).all()
         assert (touches[30:] == (down <= 0.006)[:, None]).all()

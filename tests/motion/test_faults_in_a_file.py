@@ -48,8 +48,8 @@ def test_none(walk, far):
 
 def test_lifted_pushed_down_and_drawn(walk, far):
     """5 cm up it floats, 3 cm down it sinks, at 5 cm/s along the floor it slides: each in every frame, and nothing else."""
-    assert only(check_motion(walk.lifted(0.05)), "floats")[far].all()
-    assert only(check_motion(walk.lifted(-0.03)), "sinks")[far].all()
+    assert only(check_motion(walk.lifted(0.05), ground=0.0), "floats")[far].all()
+    assert only(check_motion(walk.lifted(-0.03), ground=0.0), "sinks")[far].all()
     q = walk.q.copy()
     q[:, 0] += 0.05 * walk.t
     assert only(check_motion(Motion.of_arrays(walk.robot, walk.t, q, noise=DECIMALS)), "slides")[far].all()

@@ -50,7 +50,8 @@ def contacts_of(box: CheckedModel, *wanted: str) -> FloorContacts:
     touches = np.array([rows[each] for each in wanted], bool)
     n = len(touches)
     none = np.zeros((n, 5))
-    lanes = ContactTimeline(np.arange(n) * 0.1, points, touches, none > 0.0, none, none, np.zeros((n, 5, 3)), GROUND, none)
+    t, places, no = np.arange(n) * 0.1, np.zeros((n, 5, 3)), none > 0.0
+    lanes = ContactTimeline(t, points, touches, no, none, none, places, GROUND, none, no)
     return FloorContacts(lanes, FRICTION, MARGIN)
 
 

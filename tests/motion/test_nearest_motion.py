@@ -90,28 +90,8 @@ class TestPossible:
         # The centre of pressure that was not on the soles' edges is where it was.
         assert again.missing_scaled.max() < 1e-9
 
-    def test_a_fall_over_its_toes_is_followed(self, fall: rbd.Trajectory) -> None:
-        """Falling is possible: nothing shifts what needs no shift."""
-        reference = Motion.of_trajectory(fall[::5])
-        nearest = check_motion(reference).nearest_motion(margin=0.0)
-        assert nearest.n == reference.n
-        assert np.linalg.norm(MotionDifference.of(nearest, reference).com, axis=1).max() < 5e-3
-
-
 class TestFaults:
     """References that are not possible, each for a known cause."""
-
-    @pytest.mark.parametrize("height", [0.02, 0.3])
-    def test_a_clip_that_floats_is_put_onto_the_floor_first(self, squat: rbd.Trajectory, height: float) -> None:
-        """The same as that of the clip on the floor, and it says by how much it was lowered."""
-        low = Motion.of_trajectory(squat[::5])
-        report = check_motion(low.lifted(height))
-        assert report.share_possible == 0.0
-        nearest = report.nearest_motion()
-        again = check_motion(nearest)
-        assert nearest.n == low.n and again.share_possible == 1.0
-        assert np.linalg.norm(MotionDifference.of(nearest, low).base, axis=1).max() < 2e-3  # m: the median of its lowest points
-        assert any(f"moved by -{1e3 * height:.0f} mm to the floor" in note for note in nearest.notes)
 
     def test_a_walk_that_is_too_fast(self, four_steps: rbd.Trajectory) -> None:
         """At 1.6 times its speed four steps tip in every other frame; a sway of 25 mm to the side balances them."""
@@ -177,16 +157,6 @@ class TestFaults:
         assert causes(again) <= {"self-collision"}  # it does not know of its own bodies
         assert "before its reference" in str(MotionDifference.of(nearest, reference))
 
-    def test_a_motion_under_the_floor_is_raised(self, squat: rbd.Trajectory) -> None:
-        """By its depth, and nothing else is changed."""
-        reference = Motion.of_trajectory(squat[::5]).lifted(-0.03)
-        report = check_motion(reference)
-        nearest = report.nearest_motion()
-        assert causes(report) == {"sinks"}
-        assert check_motion(nearest).share_possible == 1.0
-        assert MotionDifference.of(nearest, reference).base[:, 2] == pytest.approx(0.03, abs=2e-4)
-        assert any("raised by 30 mm" in note for note in nearest.notes)
-
     def test_joints_beyond_their_limits_begin_at_them(self, squat: rbd.Trajectory) -> None:
         """A joint that is beyond its limit all the time stays at it."""
         reference = Motion.of_trajectory(squat[::5])
@@ -206,18 +176,6 @@ class TestFaults:
         reference = Motion.of_trajectory(squat[::5]).cut(0.0, 0.2)
         free = check_motion(reference, torque_limits=False).nearest_motion()
         assert np.abs(MotionDifference.of(free, reference).base).max() < 2e-4
-
-    def test_a_hop_that_needs_the_floor_in_the_air(self) -> None:
-        """Nothing pulls Solo12 up: it falls as gravity says while its feet are wanted in the air, and is caught by them."""
-        solo = rbd.load_robot("solo12")
-        low = solo.standing().q
-        reference = minimum_jerk(solo, [low, low + 0.15 * np.eye(solo.nq)[2], low], [0.0, 0.3, 0.6], rate=50.0)
-        report = check_motion(reference)
-        nearest = report.nearest_motion()
-        assert causes(report) == {"floats"}
-        assert check_motion(nearest).share_possible == 1.0
-        assert check_motion(nearest).lanes.heights.min() > -5e-3
-
 
 def com_acceleration(motion: Motion, i: int) -> Array:
     Ag, bias, mass = motion.state(i).centroidal()
@@ -435,13 +393,3 @@ def test_a_step_without_an_answer_ends_it(squat: rbd.Trajectory, monkeypatch: py
     count[0], last = 0, 0
     with pytest.raises(NoSolution, match="before its first frame"):
         report.nearest_motion()
-
-
-def test_contacts_off_the_floor_are_told() -> None:
-    """A quadruped whose feet go 50 mm down and up with its trunk: raised by half of that, it stands as far above the floor."""
-    solo = rbd.load_robot("solo12")
-    high = solo.standing().q
-    low = high - 0.05 * np.eye(solo.nq)[2]
-    nearest = check_motion(minimum_jerk(solo, [high, low, high], [0.0, 0.3, 0.6])).nearest_motion()
-    off = solo.at(nearest.q[0]).frame("FL_FOOT").X_WF.translation[2] - solo.at(high).frame("FL_FOOT").X_WF.translation[2]
-    assert off > 0.02 and f"up to {1e3 * off:.0f} mm off the floor" in nearest.notes[1]
