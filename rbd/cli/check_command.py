@@ -208,21 +208,24 @@ class Ranking:
 
     def __rich__(self) -> Group:
         """How many are possible, the ranking, then the files that were not checked."""
+        from rbd.motion.causes import FIGURES
+
         parts: list[Any] = []
         if self.checked:
             good = sum(x["possible"] >= self.least_possible for x in self.checked.values())
             motions = counted(len(self.checked), "motion")
             share = "" if self.least_possible == 1.0 else f" in {100.0 * self.least_possible:g} % of their frames or more"
-            headings = ("frames", "seconds", "possible", "score", "missing", "causes, frames")
+            headings = ("frames", "seconds", "score", "balance", "feet", "motors", "possible", "causes, frames")
             table = TerminalTable(f"{motions}, best first", ("file",), headings)
             for file, x in self.ranked:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
                 possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
                 table.add_row(
-                    file, str(x["frames"]), f"{x['duration_s']:.2f}", possible, f"{x['score']:.1f}",
-                    f"{100.0 * x['missing_median']:.2f} %", joined((f"{name} {count}" for name, count in causes), CAUSES_SHOWN),
+                    file, str(x["frames"]), f"{x['duration_s']:.2f}", f"{x['score']:.1f}",
+                    *(f"{100.0 * x[figure]:.0f} %" for figure in FIGURES), possible,
+                    joined((f"{name} {count}" for name, count in causes), CAUSES_SHOWN),
                 )  # fmt: skip
-            note = "missing: of the weight, the median over the frames; score: of 100"
+            note = "balance, feet, motors: share of the frames without a fault of theirs; possible: without any; score: of 100"
             parts += [Text(f"{good} of {motions} possible{share}."), table, Text(note)]
         if self.failed:
             rows = [(file, why) for file, (_, why) in self.failed.items()]

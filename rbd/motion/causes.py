@@ -21,6 +21,12 @@ CAUSES = (
     "floats", "sinks", "slides", "friction", "tips", "motor", "joint limit", "speed limit", "torque-speed", "jump",
     "self-collision", "tilted sole", "hovering foot",
 )  # fmt: skip
+FIGURES = {
+    "balance": ("floats", "friction", "tips"),
+    "feet": ("tilted sole", "hovering foot", "slides", "sinks"),
+    "motors": ("motor", "torque-speed", "speed limit", "joint limit"),
+}
+"""{figure of a motion: the causes that it is without}; jumps and self-collisions are of none."""
 SINKS_M = 0.01
 """A point lower than this below the floor sinks [m]."""
 _SAME = 1e-6
@@ -103,8 +109,8 @@ def needs_raised(A: Array, b: Array, tilted: Array, hovers: Array, size: Array, 
     Args:
         A: Scaled map of forces at the points that touch as meant, shape (n, 6, k, 3).
         b: Scaled wrench that is needed, shape (n, 6).
-        tilted: Raised points of feet that are on the floor, shape (n, k).
-        hovers: Points of feet that are not, shape (n, k).
+        tilted: Points that a tilt raises, shape (n, k).
+        hovers: Points of feet of which none is on the floor, shape (n, k).
         size: What is missing with all points, shape (n,).
         most: How much may be missing, shape (n,).
         mu: Friction.

@@ -15,7 +15,7 @@ from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.motion import causes as why
-from rbd.motion.contact_detection import NOISE, REST_SPEED, TOUCH_HEIGHT, TOUCH_SPEED, find_contacts
+from rbd.motion.contact_detection import NOISE, REST_SPEED, TOUCH_HEIGHT, TOUCH_SPEED, TOUCHES_M, find_contacts
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
 from rbd.motion.missing_wrench import least_effort, nearest_acceleration
@@ -151,8 +151,9 @@ def balance(
     n, nu = motion.n, robot.nu
     out: dict[str, Any] = {
         "causes": np.zeros((n, len(why.CAUSES)), bool), "missing": np.zeros((n, 6)), "missing_scaled": np.zeros(n),
-        "open": np.zeros(n), "reach": np.full(n, np.inf), "forces": np.zeros((n, len(lanes.points), 3)),
-        "tau": np.zeros((n, nu)), "excess": np.zeros((n, nu)), "nearest_a": motion.a.copy(),
+        "open": np.zeros(n), "missing_on_floor": np.zeros(n), "reach": np.zeros(n),
+        "forces": np.zeros((n, len(lanes.points), 3)), "tau": np.zeros((n, nu)),
+        "excess": np.zeros((n, nu)), "nearest_a": motion.a.copy(),
     }  # fmt: skip
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
@@ -168,7 +169,7 @@ def balance(
         b, most = terms.wrench / scale, np.maximum(settings.threshold, OPEN * terms.wrench_noise)
         carry = _carrying(all_A, b, lanes.at_frames(at), used, most, mu)
         A, left, size, touches = carry.A, carry.left, np.linalg.norm(carry.left, axis=1), touches & carry.taken
-        out["reach"][at] = carry.reach
+        out["reach"][at], out["missing_on_floor"][at] = carry.reach, carry.on_floor
         for name, mask in carry.causes.items():
             out["causes"][at, names[name]] = mask
         out["missing"][at], out["missing_scaled"][at], out["open"][at] = left * scale, size, terms.wrench_noise
@@ -199,7 +200,7 @@ class _Carrying:
         taken: Which points are taken, shape (n, k): those on the floor where these do, else all that touch as meant.
         w: Forces over the weight, shape (n, k, 3).
         left: The missing wrench over its scale, shape (n, 6).
-        reach: As of `MotionReport`.
+        on_floor, reach: As `missing_on_floor` and `reach` of `MotionReport`, shapes (n,).
         causes: {cause of feet: its frames}.
     """
 
@@ -207,6 +208,7 @@ class _Carrying:
     taken: Array
     w: Array
     left: Array
+    on_floor: Array
     reach: Array
     causes: dict[str, Array]
 
@@ -218,23 +220,25 @@ def _carrying(all_A: Array, b: Array, lanes: ContactTimeline, used: Array, most:
     w, left, size = fit.w, fit.left, np.linalg.norm(fit.left, axis=1)
     slipping = why.needed(A, b, slides & taken, size, most, mu)
     reach[(size <= most) & ~slipping] = 0.0
-    tilted, hovers = np.zeros((2, len(b)), bool)
+    on_floor, (tilted, hovers) = size.copy(), np.zeros((2, len(b)), bool)
     lift = np.flatnonzero((size > most) & raised.any(axis=1))
     if len(lift):
-        down = lanes.points.group_any(lanes.on_floor)[:, used]
+        group, points = lanes.points.group[used], lanes.points
+        down = points.group_reduced(np.logical_or, lanes.on_floor)[:, group]
+        higher = heights - points.group_reduced(np.minimum, lanes.heights)[:, group] > TOUCHES_M  # than its own lowest corner
         A[lift], taken[lift] = all_A[lift], True
         fit = nearest_in_cones(A[lift], b[lift], mu)
         w[lift], left[lift], size[lift] = fit.w, fit.left, np.linalg.norm(fit.left, axis=1)
         some = A[lift], b[lift]
         slipping[lift] = why.needed(*some, slides[lift], size[lift], most[lift], mu)
-        off = [(raised & each)[lift] for each in (down, ~down)]
+        off = [(raised & each)[lift] for each in (down | higher, ~down)]
         tilted[lift], hovers[lift] = why.needs_raised(*some, off[0], off[1], size[lift], most[lift], mu)
     for height in HEIGHTS[1:]:
         at = np.flatnonzero(np.isinf(reach) & raised.any(axis=1))
         no = slides[at] | (raised[at] & (heights[at] > height))
         rest = nearest_in_cones(np.where(no[:, None, :, None], 0.0, all_A[at]), b[at], mu).left
         reach[at[np.linalg.norm(rest, axis=1) <= most[at]]] = height
-    return _Carrying(A, taken, w, left, reach, {"slides": slipping, "tilted sole": tilted, "hovering foot": hovers})
+    return _Carrying(A, taken, w, left, on_floor, reach, {"slides": slipping, "tilted sole": tilted, "hovering foot": hovers})
 
 
 def _limits(limit: Array, given: bool | float) -> Array:

@@ -220,11 +220,16 @@ class FloorPoints:
             self.robot, self.contacts, names, self.group[which], self.joint[which], self.local[which], self.radius[which]
         )
 
-    def group_any(self, which: Array) -> Array:
-        """Whether any point of the same contact is chosen, shape (n, k), of a mask of this shape."""
-        out = np.zeros_like(which)
+    def group_reduced(self, of: np.ufunc, values: Array) -> Array:
+        """Values of points, shape (n, k), reduced over the points of each contact, shape (n, contacts); zero without points.
+
+        Args:
+            of: As `np.minimum` or `np.logical_or`.
+            values: Of the points.
+        """
+        out = np.zeros((len(values), len(self.contacts)), values.dtype)
         for g in np.unique(self.group):
-            out[:, self.group == g] = which[:, self.group == g].any(axis=1, keepdims=True)
+            out[:, g] = of.reduce(values[:, self.group == g], axis=1)
         return out
 
     def tilts(self, heights: Array) -> Array:

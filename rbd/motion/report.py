@@ -19,9 +19,10 @@ from rbd.model.joints import FORCE_OF
 from rbd.model.motors import torque_use
 from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
-from rbd.motion.causes import CAUSES, torque_bounds
+from rbd.motion.causes import CAUSES, FIGURES, beyond_position, beyond_speed, torque_bounds
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
+from rbd.motion.feet_faults import ANGLE, EXCESS, MISSING, SPEED, FeetFaults, grade
 from rbd.motion.nearest import nearest_motion
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import SelfCollisions
@@ -45,7 +46,9 @@ _SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
 _SIZES = {
     "sinks": (1e3, "mm below the floor"),
     "slides": (1e3, "mm/s"),
-    **dict.fromkeys(("floats", "friction", "tips"), (1e2, "% of the weight missing")),
+    "tilted sole": (180.0 / np.pi, "degrees"),
+    "hovering foot": (1e3, "mm above the floor"),
+    **dict.fromkeys(FIGURES["balance"], (1e2, "% of the weight missing")),
 }
 """{cause: (factor, words) with which the size of its worst frame is told}."""
 
@@ -81,6 +84,7 @@ class MotionReport(Displayed):
         missing_scaled: Its size: force over the weight, moment over 0.3 m times the weight, shape (n,).
         open: Standard deviation of that by noise of the accelerations, as differentiation tells it, shape (n,). That of q and v
             moves it by less and is left out.
+        missing_on_floor: The same of points on the floor alone, none of them raised, shape (n,).
         reach: The least of `HEIGHTS` at which the frame would balance without slip, if the points of meant contacts below it
             were on the floor, shape (n,) [m]; 0 where those that are do, inf where none does.
         forces: At the points, world axes, shape (n, k, 3) [N]: of least effort with what is not missing.
@@ -100,7 +104,7 @@ class MotionReport(Displayed):
         >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
         >>> report = rbd.check_motion(hop)
         >>> report.n, int(report.possible.sum()), int(report.of_cause("floats").sum()), round(report.score)
-        (31, 7, 24, 38)
+        (31, 7, 24, 43)
     """
 
     motion: Motion
@@ -111,6 +115,7 @@ class MotionReport(Displayed):
     missing: Array
     missing_scaled: Array
     open: Array
+    missing_on_floor: Array
     reach: Array
     forces: Array
     tau: Array
@@ -130,6 +135,18 @@ class MotionReport(Displayed):
             lambda report: dict(zip(CAUSES, report.causes.mean(axis=0), strict=True)),
             "share_{}", "share of the frames that are not possible: {}",
         ),
+        Field("balance", (), "1", "share of the frames that balance on contacts as meant"),
+        Field("feet", (), "1", "share of the frames without a foot at fault"),
+        Field("motors", (), "1", "share of the frames within limits of torque, speed and position"),
+        Field(
+            "possible_at", (), "1", "share possible if points up to a height touched",
+            lambda report: {f"{1e3 * h:g}": x for h, x in report.possible_at.items()},
+            "possible_at_{}_mm", "share of the frames possible if points up to {} mm touched",
+        ),
+        Field("tilt", (), "rad", "median over the frames of the largest tilt of a sole", lambda x: x.feet_faults.medians()[0]),
+        Field("hover", (), "m", "median of the largest height of a foot that hovers", lambda x: x.feet_faults.medians()[1]),
+        Field("slip", (), "m/s", "median of the largest speed of a contact that slides", lambda x: x.feet_faults.medians()[2]),
+        Field("sink", (), "m", "median of the largest depth of a foot", lambda x: x.feet_faults.medians()[3]),
         Field("missing_median", (), "1", "median of the missing wrench, scaled", lambda x: np.median(x.missing_scaled)),
         Field("missing_largest", (), "1", "largest missing wrench, scaled", lambda x: x.missing_scaled.max(initial=0.0)),
         Field("open_median", (), "1", "median of its standard deviation by noise", lambda x: np.median(x.open)),
@@ -183,12 +200,68 @@ class MotionReport(Displayed):
         return torque_bounds(self.motion.robot, self.motion.v, self.settings.torque_limits, self.settings.torque_speed)
 
     @property
-    def score(self) -> float:
-        """0 to 100, to rank motions by: half for the share of possible frames, half for what is not missing, in the mean.
+    def balance(self) -> float:
+        """Share of the frames whose wrench is possible on the contacts as meant, 0 to 1."""
+        return self._without("balance")
 
-        50 share_possible + 50 (1 - mean of min(missing_scaled, 1)).
+    @property
+    def feet(self) -> float:
+        """Share of the frames in which no foot that must carry is tilted, hovers, slides or sinks, 0 to 1."""
+        return self._without("feet")
+
+    @property
+    def motors(self) -> float:
+        """Share of the frames in which motors and joints are within their limits, of torque, speed and position, 0 to 1."""
+        return self._without("motors")
+
+    def _without(self, figure: str) -> float:
+        return float((~self._has(*FIGURES[figure])).mean())
+
+    def _has(self, *causes: str) -> Array:
+        return np.asarray(self.causes[:, [CAUSES.index(cause) for cause in causes]].any(axis=1))
+
+    @property
+    def possible_at(self) -> dict[float, float]:
+        """{height: share of the frames that were possible if points of meant contacts up to it were on the floor [m]}.
+
+        How much depends on the heights of feet: the first is `share_possible` with contacts as found, but for sums of causes.
         """
-        return 50.0 * self.share_possible + 50.0 * (1.0 - float(np.minimum(self.missing_scaled, 1.0).mean()))
+        others = self._has(*(cause for cause in CAUSES if cause not in (*FIGURES["balance"], *FIGURES["feet"][:3])))
+        return {height: float((~others & (self.reach <= height)).mean()) for height in HEIGHTS}
+
+    @lazy
+    def feet_faults(self) -> FeetFaults:
+        """Tilt, hover, slip and depth of the feet."""
+        return FeetFaults.of(self.lanes)
+
+    @lazy
+    def grades(self) -> Array:
+        """How near each frame is to be possible, shape (n,): 1 where it is, and less the larger its faults are.
+
+        A product of 1 / (1 + x). x of balance: the missing wrench beyond the threshold over 0.1; of feet: tilt over 5 degrees,
+        hover over 18 mm, slip over 20 mm/s and depth over 10 mm, summed, where feet or balance have a cause; the better of
+        contacts as meant, and of those on the floor alone, of which none hovers. x of motors: torques over their bounds beyond
+        1 over 0.1, and joints over 0.1 rad and speeds over 1 rad/s beyond limits, where they have a cause. A jump and a
+        self-collision halve it.
+        """
+        m, most = self.motion, np.maximum(self.settings.threshold, 3.0 * self.open)
+        bad = self._has(*FIGURES["balance"], *FIGURES["feet"])
+        by_feet = [grade(np.where(bad, self.feet_faults.sizes(on_floor=x).T, 0.0)) for x in (False, True)]
+        meant, strict = (np.maximum(x - most, 0.0) / MISSING for x in (self.missing_scaled, self.missing_on_floor))
+        used = np.nan_to_num(self.used_torque, posinf=100.0).max(axis=1, initial=0.0)
+        beyond = (
+            np.maximum(used - 1.0, 0.0) / EXCESS,
+            *(x.max(axis=1, initial=0.0) / unit for x, unit in ((beyond_position(m), ANGLE), (beyond_speed(m), SPEED))),
+        )
+        by_motors = np.where(self._has(*FIGURES["motors"]), beyond, 0.0)
+        half = 0.5 ** (self.of_cause("jump") * 1.0 + self.of_cause("self-collision"))
+        standing = np.maximum(grade([meant]) * by_feet[0], grade([strict]) * by_feet[1])
+        return standing * grade(by_motors) * half
+
+    @property
+    def score(self) -> float:
+        """0 to 100, to rank motions by: 100 times the mean of `grades`; 100 where all frames are possible."""
+        return 100.0 * float(self.grades.mean())
 
     def of_cause(self, cause: str) -> Array:
         """Frames with a cause, shape (n,).
@@ -216,7 +289,9 @@ class MotionReport(Displayed):
             "slides": np.where(lanes.slides, lanes.speeds, 0.0).max(axis=1, initial=0.0),
             "motor": self.excess.max(axis=1, initial=0.0),
             "torque-speed": np.where(np.isfinite(self.used_torque), self.used_torque, np.inf).max(axis=1, initial=0.0),
-            **dict.fromkeys(("floats", "friction", "tips"), missing),
+            "tilted sole": self.feet_faults.tilt.max(axis=1, initial=0.0),
+            "hovering foot": self.feet_faults.hover.max(axis=1, initial=0.0),
+            **dict.fromkeys(FIGURES["balance"], missing),
         }
         return sizes.get(cause, np.zeros(self.n))
 
@@ -357,6 +432,9 @@ class MotionReport(Displayed):
             "duration_s": self.motion.duration,
             "possible": self.share_possible,
             "score": self.score,
+            **{name: self._without(name) for name in FIGURES},
+            "possible_at_mm": {f"{1e3 * h:g}": x for h, x in self.possible_at.items()},
+            **dict(zip(("tilt_rad", "hover_m", "slip_m_s", "sink_m"), self.feet_faults.medians(), strict=True)),
             "causes": {name: int(self.causes[:, i].sum()) for i, name in enumerate(CAUSES) if self.causes[:, i].any()},
             "worst_frames": {name: self.worst(name, 5).tolist() for i, name in enumerate(CAUSES) if self.causes[:, i].any()},
             "share_over": dict(zip(map(str, THRESHOLDS), self.share_over().tolist(), strict=True)),
@@ -395,8 +473,13 @@ class MotionReport(Displayed):
             ("missing", self.missing, ["spatial"], "N, then N m", "least wrench missing on the base, about its centre of mass"),
             ("missing_scaled", self.missing_scaled, [], "1", "the same over the weight, moments over 0.3 m"),
             ("open", self.open, [], "1", "its standard deviation by noise of the accelerations"),
+            ("reach", self.reach, [], "m", "height up to which points must touch for it to balance; inf where it does not"),
+            ("grades", self.grades, [], "1", "how near a frame is to be possible: 1 where it is"),
+            ("tilt", self.feet_faults.tilt, ["contact"], "rad", "angle between a sole that touches and the floor"),
+            ("hover", self.feet_faults.hover, ["contact"], "m", "height of a foot that is meant to touch"),
             ("touches", lanes.touches, ["point"], "", "whether a point touches the floor"),
             ("slides", lanes.slides, ["point"], "", "whether it slides there"),
+            ("raised", lanes.raised, ["point"], "", "whether it touches as meant, and is above the floor"),
             ("heights", lanes.heights, ["point"], "m", "height of a point above the floor"),
             ("speeds", lanes.speeds, ["point"], "m/s", "speed of a point along the floor; NaN where it does not touch"),
             ("points", lanes.places, ["point", "axis"], "m", "points in W"),
@@ -416,7 +499,11 @@ class MotionReport(Displayed):
         lines = [
             f"{m.source}: {m.n} frames of {m.robot.name}, {m.duration:.2f} s at {m.rate:.4g} Hz",
             f"  possible   {share} % of the frames, score {score} of 100",
-        ]
+            f"  {', '.join(f'{x} {100.0 * self._without(x):.1f}' for x in FIGURES)} % of the frames without a fault",
+            f"  feet, medians: {self.feet_faults}",
+            "  possible if points up to " + ", ".join(f"{1e3 * h:g}" for h in HEIGHTS) + " mm touched: "
+            + ", ".join(f"{100.0 * x:.1f}" for x in self.possible_at.values()) + " %",
+        ]  # fmt: skip
         for i, cause in enumerate(CAUSES):
             count, was = int(self.causes[:, i].sum()), None if before is None else int(before.causes[:, i].sum())
             if count or was:
@@ -430,7 +517,8 @@ class MotionReport(Displayed):
         if m.derivation is not None:
             lines.append(f"  accelerations: {m.derivation}")
         s = self.settings
-        floor = f"floor at z = {self.lanes.ground:.4g} m"
+        given = m.contacts is not None or m.ground or s.ground not in (None, "fit")
+        floor = f"floor {'given' if given else 'fitted'} at z = {self.lanes.ground:.4g} m"
         lines.append(f"  friction {s.friction:g}, {floor}, threshold {100 * s.threshold:g} % of the weight")
         return "\n".join(lines + [f"  note: {note}" for note in (*m.notes, *self.lanes.notes)])
 

@@ -137,3 +137,72 @@ def test_nothing_touches_for_a_second(g1: rbd.Robot) -> None:
     q[:, 2] += np.interp(t, [0.5, 0.7, 2.3, 2.5], [0.0, 0.3, 0.3, 0.0])
     (note,) = find_contacts(Motion.of_arrays(g1, t, q)).notes
     assert note.startswith("nothing touches the floor for 1.9") and "bodies=True" in note
+
+
+def leaning(robot: rbd.Robot, speed: float = 1.0) -> Motion:
+    """Arms up, then a bow, in 2.2 s over the speed."""
+    stands = robot.standing().q
+    raises, leans = stands.copy(), stands.copy()
+    for side in ("left", "right"):
+        raises[robot.joints[f"{side}_shoulder_pitch_joint"].q] = -1.5
+    leans[robot.joints["waist_pitch_joint"].q] = 0.5
+    return rbd.motion.minimum_jerk(robot, [stands, raises, leans, stands], [0.0, 0.8 / speed, 1.4 / speed, 2.2 / speed])
+
+
+def with_noise(motion: Motion, size: float) -> Motion:
+    """The same with normal noise in m and rad, from one seed."""
+    shaken = motion.q + size * np.random.default_rng(1).standard_normal(motion.q.shape)
+    shaken[:, 3:7] /= np.linalg.norm(shaken[:, 3:7], axis=1)[:, None]
+    return moved(motion, shaken)
+
+
+def with_tilt(motion: Motion, degrees: float) -> Motion:
+    """The same with both ankles turned."""
+    q = motion.q.copy()
+    for side in ("left", "right"):
+        q[:, motion.robot.joints[f"{side}_ankle_pitch_joint"].q] += np.deg2rad(degrees)
+    return moved(motion, q)
+
+
+def with_slip(motion: Motion, speed: float) -> Motion:
+    """The same, drawn along the floor [m/s]."""
+    q = motion.q.copy()
+    q[:, 1] += speed * motion.t
+    return moved(motion, q)
+
+
+def with_hover(motion: Motion, height: float) -> Motion:
+    """The same, with the right foot at a height [m]."""
+    pose = hovering(motion.robot, height).q[0] - motion.robot.standing().q
+    return moved(motion, motion.q + pose)
+
+
+SCORED = {
+    "noise": (with_noise, (0.0, 5e-4, 1e-3, 2e-3, 3e-3, 1e-2)),
+    "tilt": (with_tilt, (0.0, 3.0, 5.0, 8.0, 12.0, 18.0)),
+    "slip": (with_slip, (0.0, 0.01, 0.02, 0.05, 0.1, 0.3)),
+    "hover": (with_hover, (0.0, 0.008, 0.012, 0.018, 0.025, 0.035)),
+    "speed": (lambda motion, x: leaning(motion.robot, x), (0.5, 1.0, 1.3, 1.7, 2.5, 4.0)),
+}
+
+
+@pytest.mark.parametrize("fault", SCORED)
+def test_the_score_falls_with_each_fault(g1: rbd.Robot, fault: str) -> None:
+    """100 without any; each larger fault costs at least half a point more."""
+    change, sizes = SCORED[fault]
+    reports = [check_motion(change(leaning(g1, 0.5), x), self_collision=False) for x in sizes]
+    scores = np.array([report.score for report in reports])
+    assert scores[0] == pytest.approx(100.0) and reports[0].share_possible == 1.0
+    assert (np.diff(scores) < -0.5).all(), scores.round(1)
+    assert all(
+        0.0 <= min(r.balance, r.feet, r.motors) and r.share_possible <= min(r.balance, r.feet, r.motors) for r in reports
+    )
+
+
+def test_sensitivity_to_heights(g1: rbd.Robot) -> None:
+    """A foot that hovers 18 mm would do if 20 mm were on the floor; soles tilted by 5 degrees too, by 3 at 12 mm."""
+    assert list(check_motion(hovering(g1, 0.018)).possible_at.values()) == [0.0, 0.0, 1.0, 1.0]
+    for degrees, at in ((3.0, [0.0, 1.0, 1.0, 1.0]), (5.0, [0.0, 0.0, 1.0, 1.0]), (8.0, [0.0, 0.0, 0.0, 1.0])):
+        report = check_motion(with_tilt(standing(g1), degrees))
+        assert list(report.possible_at.values()) == at and report.feet == 0.0 and report.balance == report.motors == 1.0
+    assert list(check_motion(standing(g1)).possible_at.values()) == [1.0, 1.0, 1.0, 1.0]

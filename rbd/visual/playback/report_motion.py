@@ -171,6 +171,10 @@ def _worst(report: MotionReport, cause: str) -> WorstFrame:
         told += f", {report.motion.robot.actuated_names[j]} {_percent(100.0 * report.excess[i, j])} % beyond its limit"
     if cause == "torque-speed":
         told += f", {report.on_line(i)}"
+    if cause == "tilted sole":
+        told += f", {np.rad2deg(float(report.feet_faults.tilt[i].max())):.0f} degrees"
+    if cause == "hovering foot":
+        told += f", {1e3 * float(report.feet_faults.hover[i].max()):.0f} mm above the floor"
     if cause == "sinks":
         told += f", {-1e3 * float(report.lanes.heights[i].min()):.0f} mm below the floor"
     return WorstFrame(t, cause, cause, words=told)
