@@ -23,20 +23,28 @@ _ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll"
 _WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
 
 
-def _g1(waist: Iterable[str], arm: Sequence[str]) -> tuple[str, ...]:
-    legs = [f"{side}_{name}_joint" for side in ("left", "right") for name in _LEG]
-    return (
-        *legs,
-        *(f"{name}_joint" for name in waist),
-        *(f"{side}_{name}_joint" for side in ("left", "right") for name in arm),
-    )
+def _unitree(leg: Iterable[str], waist: Iterable[str], arm: Iterable[str]) -> tuple[str, ...]:
+    legs, arms = ([f"{side}_{name}_joint" for side in ("left", "right") for name in limb] for limb in (list(leg), list(arm)))
+    return (*legs, *(f"{name}_joint" for name in waist), *arms)
+
+
+def _g1(waist: Iterable[str], arm: Iterable[str]) -> tuple[str, ...]:
+    return _unitree(_LEG, waist, arm)
 
 
 FORMATS: Mapping[str, tuple[str, ...]] = {
     "G1 with 29 joints": _g1(_WAIST, _ARM),
     "G1 with 23 joints (no waist roll and pitch, no wrist pitch and yaw)": _g1(_WAIST[:1], _ARM[:5]),
+    "G1 with 23 joints (no wrists)": _g1(_WAIST, _ARM[:4]),
 }
-"""Joints of published motion files by format; of Unitree's own descriptions `g1_29dof` and `g1_23dof`."""
+"""Joints of published motion files by format; of Unitree's own descriptions `g1_29dof` and `g1_23dof`, and of ASAP's."""
+_H1_LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle")
+_H1_2_LEG = ("hip_yaw", "hip_pitch", "hip_roll", "knee", "ankle_pitch", "ankle_roll")
+OTHERS: Mapping[str, tuple[str, ...]] = {
+    "H1 with 19 joints": _unitree(_H1_LEG, ("torso",), _ARM[:4]),
+    "H1-2 with 27 joints": _unitree(_H1_2_LEG, ("torso",), _ARM),
+}
+"""Joints of files of robots that need not be in the catalogue, so that they are told."""
 
 
 def single_joints(robot: CheckedModel) -> tuple[str, ...]:
@@ -97,6 +105,68 @@ def checked_joints(robot: CheckedModel, joints: Sequence[str]) -> tuple[str, ...
     return tuple(joints)
 
 
+def beyond_limits(robot: CheckedModel, names: Sequence[str], x: Array) -> Array:
+    """How far each joint is beyond its limits in the mean over the frames, shape (k,) [rad, m]."""
+    model, columns = robot.model, [robot.joints[name].q.start for name in names]
+    free = np.where([robot.joints[name].is_continuous for name in names], np.inf, 0.0)
+    lower, upper = model.lowerPositionLimit[columns] - free, model.upperPositionLimit[columns] + free
+    return np.asarray(np.maximum(0.0, np.maximum(lower - x, x - upper)).mean(axis=0))
+
+
+def names_of_width(
+    robot: CheckedModel, x: Array, joints: Sequence[str] | None, what: str, *, last: bool = False
+) -> tuple[tuple[str, ...], list[str]]:
+    """(joints of columns, notes): those given, else of the format that has as many; of two, of that within limits.
+
+    Args:
+        robot: The robot.
+        x: Positions of joints, shape (n, k).
+        joints: Their names, where they are known.
+        what: The beginning of the message, "dance.pkl: dof_pos has".
+        last: Of two formats that fit as well take the last.
+
+    Raises:
+        InputError: another number of joints; with what they look like.
+    """
+    width = x.shape[1]
+    if joints is not None:
+        unknown = [name for name in joints if name not in single_joints(robot)]
+        if unknown and (told := looks_like(joints)):
+            raise InputError(f"{what} joints that {robot.name} has not, {unknown[0]!r:.80} first.{told}")
+        names = checked_joints(robot, joints)
+        if len(names) != width:
+            raise InputError(f"{what} {width} columns of joints; joints names {len(names)}.")
+        return names, []
+    known = formats(robot)
+    fitting = {name: order for name, order in known.items() if len(order) == width}
+    if not fitting:
+        told = "; ".join(f"{len(order)}: {name}" for name, order in known.items())
+        raise InputError(
+            f"{what} {width} columns of joints; expected {told}.{looks_like(width)} Give the robot that it was made for, or "
+            "name the joints in order, joints=[...]."
+        )
+    off = {name: float(beyond_limits(robot, order, x).mean()) for name, order in fitting.items()}
+    ranked = sorted(fitting, key=lambda name: off[name], reverse=False)
+    chosen = ranked[0] if off[ranked[0]] < off[ranked[-1]] else list(fitting)[-1 if last else 0]
+    notes = [f"{width} joints without names: {chosen}, in that order."]
+    if len(fitting) > 1:
+        other = next(name for name in fitting if name != chosen)
+        told = f"beyond limits by {off[chosen]:.2g} rad in the mean, else {off[other]:.2g}"
+        notes.append(f"as many joints has {other}; {told}. If it is that, name them: joints=[...].")
+    return fitting[chosen], notes
+
+
+def looks_like(joints: int | Sequence[str]) -> str:
+    """Which robot so many joints, or joints of these names, are those of, in words; empty if none is known."""
+    known = {**FORMATS, **OTHERS}
+    found = [
+        what
+        for what, order in known.items()
+        if (len(order) == joints if isinstance(joints, int) else set(order) == {known_name(name, order) for name in joints})
+    ]
+    return f" These look like {' or '.join(found)}." if found else ""
+
+
 BASE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of a floating base: its place, and a quaternion."""
 TIMES = "the first column increases and was taken for times [s]."
@@ -139,7 +209,7 @@ def columns_of_header(robot: CheckedModel, names: Sequence[str], path: Path) -> 
     known, joints, parts = single_joints(robot), dict[str, int](), dict[str, int]()
     counted, notes = [], []
     for k, name in enumerate(names):
-        joint, part = _joint(name, known), _part(name)
+        joint, part = known_name(name, known), _part(name)
         if joint is None and part is None:
             raise InputError(
                 f"{path.name}: column {k + 1} is named {name!r:.80}, which {robot.name} has no joint for; "
@@ -204,8 +274,8 @@ def columns_by_number(robot: CheckedModel, numbers: Array, joints: Sequence[str]
     return Columns(0 if shift else None, tuple(range(shift, at)), False, order, tuple(notes))
 
 
-def _joint(name: str, known: Sequence[str]) -> str | None:
-    """The joint that a column's name means: with or without `_joint`, with `_dof` or `_pos` behind."""
+def known_name(name: str, known: Sequence[str]) -> str | None:
+    """The joint that a name in a file means: with or without `_joint`, with `_dof` or `_pos` behind; None if none."""
     word = re.sub(r"([_.](dof|pos|position|angle|q))$", "", name.strip())
     return next((each for each in (name, word, f"{word}_joint") if each in known), None)
 

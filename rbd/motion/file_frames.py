@@ -43,6 +43,7 @@ class ReadSettings:
         joints: Names of the joints of the columns, in order.
         units: "rad" or "deg".
         trust: Take times and lengths as they are.
+        motion: Name of the motion, in a file of several.
 
     Raises:
         InputError: a value that is none of these.
@@ -53,6 +54,7 @@ class ReadSettings:
     joints: Sequence[str] | None = None
     units: str | None = None
     trust: bool = False
+    motion: str | None = None
 
     def __post_init__(self) -> None:
         check_flag("trust", self.trust)

@@ -8,17 +8,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
+from zipfile import BadZipFile, ZipFile
 
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
+from rbd.motion.array_files import motion_names
+from rbd.motion.motion_files import PICKLES, SUFFIXES
 from rbd.motion.reference_motion import Motion
 from rbd.robots.loading import load_robot
 
 Names: TypeAlias = str | os.PathLike[str]
-SUFFIXES = (".csv", ".txt", ".npz", ".nc")
-"""Files of a folder that are read as motions; others are read where they are named."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +43,8 @@ class MotionFile(Displayed):
 
     def read(self, **settings: Any) -> Motion:
         """The motion; arguments and errors as `Motion.read`."""
-        return Motion.read(self.path, robot=self.robot, **settings)
+        named: dict[str, Any] = {"motion": self.name} if self.name else {}
+        return Motion.read(self.path, robot=self.robot, **named, **settings)
 
     def __str__(self) -> str:
         return f"{self.path}[{self.name}]" if self.name else str(self.path)
@@ -53,7 +55,7 @@ def list_motions(
 ) -> list[MotionFile]:
     """The motions that are meant, each once, in order: files as they are, of folders and patterns those they have.
 
-    Robots are loaded, each once; no motion is read.
+    Robots are loaded, each once. No motion is read, but the names in files that can hold several.
 
     Args:
         files: A file; a folder, with all below it; a pattern, "clips/*.csv" or "clips/**/*.npz"; several of them; or a mapping
@@ -76,7 +78,9 @@ def list_motions(
     for own, given in files.items() if isinstance(files, Mapping) else [(robot, files)]:
         loaded = own if own is None or isinstance(own, CheckedModel) else load_robot(own)
         for path in _paths([given] if isinstance(given, str | os.PathLike) else given):
-            found.setdefault(str(path), MotionFile(path, loaded))
+            for name in _names(path):
+                file = MotionFile(path, loaded, name)
+                found.setdefault(str(file), file)
     return list(found.values())
 
 
@@ -113,6 +117,18 @@ def _read(file: MotionFile, settings: Mapping[str, Any]) -> Motion | RbdError:
         return file.read(**settings)
     except RbdError as error:
         return error
+
+
+def _names(path: Path) -> list[str]:
+    """Names of the motions in a file that can hold several; one that is empty for others, and for what cannot be read."""
+    try:
+        several = path.suffix.lower() in PICKLES
+        if path.suffix.lower() == ".npz":
+            with ZipFile(path) as archive:
+                several = "split_points.npy" in archive.namelist()
+        return motion_names(path) if several else [""]
+    except (RbdError, BadZipFile, OSError, ValueError, NotImplementedError):
+        return [""]
 
 
 def _paths(given: Iterable[Names]) -> Iterator[Path]:

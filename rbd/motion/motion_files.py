@@ -17,30 +17,25 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.motors import plain_motors
 from rbd.model.output_files import check_place, write_file
+from rbd.motion.base_files import BaseAndJoints, frames_of
 from rbd.motion.csv_files import Table, read_table
 from rbd.motion.derivation import Derivation
 from rbd.motion.file_conventions import (
     BASE,
     TIMES,
     breadth_first,
-    chosen_order,
     columns_by_number,
     columns_of_header,
     file_order,
-    left_still,
 )
 from rbd.motion.file_frames import (
     Frames,
     ReadSettings,
-    check_unit,
-    configurations,
     counts_frames,
     file_times,
     joint_values,
-    rounding_noise,
-    unit_of,
 )
-from rbd.motion.npz_files import of_npz
+from rbd.motion.npz_files import of_named_arrays
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
@@ -48,9 +43,13 @@ from rbd.robots.travelling import texts_of
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_file import a_path
 
-PICKLES = (".pkl", ".pickle", ".pt", ".pth", ".joblib", ".p")
-_BINARY = (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05", b"\x93N")
-"""How archives, pickles and arrays of NumPy begin."""
+_PACKED = (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"]\0\0")
+_ARRAYS = (b"PK", *(b"\x80" + bytes([i]) for i in range(2, 6)), b"\x93NUMPY", *_PACKED)
+"""How archives, arrays of NumPy, pickles and compressed files of joblib begin."""
+PICKLES = (".pkl", ".pickle", ".joblib", ".p")
+"""Suffixes of pickles, whose oldest protocols are text."""
+SUFFIXES = (".csv", ".txt", ".npz", ".npy", ".nc", *PICKLES)
+"""Files of a folder that are read as motions; others are read where they are named."""
 
 
 def read_frames(
@@ -66,26 +65,17 @@ def read_frames(
     check_flag("progress", progress)
     if robot is not None and not isinstance(robot, CheckedModel):
         robot = load_robot(robot)
-    if kind in PICKLES:
-        raise InputError(
-            f"{where.name} is a pickle, which can run any program when read; save q and t as .npz or .csv instead."
-        )
-    if kind == ".npy":
-        raise InputError(f"{where.name} holds one array without times; give it to Motion.of_arrays(robot, t, q).")
-    if kind in (".npz", ".nc"):
-        if not _beginning(where):
+    begins = _beginning(where)
+    if kind == ".nc" or (begins.startswith(b"PK") and _is_trajectory(where)):
+        motion = Trajectory.load(where, robot)
+        notes = ("v and a are those of the trajectory.",)
+        return Frames(motion.robot, motion.t, motion.q, motion.v, motion.a, notes=notes, simulated=True)
+    if kind in (".npz", ".npy", *PICKLES) or begins.startswith(_ARRAYS):
+        if not begins:
             raise InputError(f"{where.name} is empty.")
-        if kind == ".nc" or _is_trajectory(where):
-            motion = Trajectory.load(where, robot)
-            notes = ("v and a are those of the trajectory.",)
-            return Frames(motion.robot, motion.t, motion.q, motion.v, motion.a, notes=notes, simulated=True)
-        return of_npz(where, robot, given)
+        return of_named_arrays(where, robot, given)
     if robot is None:
         raise InputError(f"{where.name} does not name its robot; give it: robot='g1'.")
-    if _beginning(where).startswith(_BINARY):
-        raise InputError(
-            f"{where.name} is no text; expected a table of numbers, or an archive named .npz. Pickles are not read."
-        )
     return _of_table(where, read_table(where, progress=progress), robot, given)
 
 
@@ -107,23 +97,16 @@ def _of_table(path: Path, table: Table, robot: CheckedModel, given: ReadSettings
             notes = [note for note in notes if note != TIMES]
     t, told = file_times(path, len(x), given, t=t, column=what, row=lambda i: f"line {first + i}", step=step)
     notes += told
-    base = None
-    if turn:
-        in_columns = f"the quaternion in columns {min(turn) + 1} to {min(turn) + 4}"
-        check_unit(x[:, turn], lambda i: f"{path.name}, line {first + i}: {in_columns}")
-        ordered, told = chosen_order(robot, x[:, turn], "xyzw" if columns.named else given.quaternion, path.name)
-        base = x[:, place], ordered
-        notes += told
-    unit = unit_of(robot, names, x[:, joints], given.units, path.name)
-    q = configurations(robot, base, names, x[:, joints] * unit)
     worth = {"base": place, "quaternion": turn, "joints": joints}
     last = {part: float(table.steps[own].max(initial=0.0)) for part, own in worth.items()}
-    noise = rounding_noise(robot, last["base"], last["quaternion"], names, unit * last["joints"])
-    notes += left_still(robot, names)
-    if noise.any():
+    if max(last.values()):
         decimals = ", ".join(f"{part} {last[part]:.1g}" for part, own in worth.items() if own)
         notes.append(f"the last decimals are worth: {decimals}; their rounding is counted as noise of q.")
-    return Frames(robot, t, q, notes=tuple(notes), noise=noise)
+    base = (x[:, place], x[:, turn]) if turn else (None, None)
+    where = f"{path.name}, line {{}}: the quaternion in columns {min(turn, default=0) + 1} to {min(turn, default=0) + 4}".format
+    order, steps = "xyzw" if columns.named else given.quaternion, (last["base"], last["quaternion"], last["joints"])
+    held = BaseAndJoints(names, x[:, joints], base[0], base[1], order, steps, lambda i: where(first + i))
+    return frames_of(path, robot, given, t, notes, held)
 
 
 def _is_trajectory(path: Path) -> bool:

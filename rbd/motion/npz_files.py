@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +13,33 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel, with_plain_motors
+from rbd.motion.array_files import NamedArrays, named_arrays
+from rbd.motion.base_files import (
+    FREE,
+    JOINTS,
+    MOST_OBJECTS,
+    PLACES,
+    TURNS,
+    checked_rates_of,
+    of_base,
+    of_qpos,
+    times_in,
+)
 from rbd.motion.derivation import Derivation, Method
-from rbd.motion.file_conventions import breadth_first, checked_joints, chosen_order, file_order, formats, left_still
+from rbd.motion.file_conventions import (
+    breadth_first,
+    checked_joints,
+    chosen_order,
+    file_order,
+    formats,
+    known_name,
+    left_still,
+    looks_like,
+    single_joints,
+)
 from rbd.motion.file_frames import (
     Frames,
     ReadSettings,
-    check_rate,
-    check_same_rate,
     check_unit,
     configurations,
     file_times,
@@ -29,10 +49,11 @@ from rbd.motion.file_frames import (
 )
 from rbd.robots.loading import load_robot
 from rbd.robots.travelling import given_texts
-from rbd.simulation.trajectory_file import npz_arrays
 
 NEAR, TURNED = 1e-3, 5e-3
 """How far a body may be from where kinematics puts it: a millimetre, and an angle [rad] that four decimals leave."""
+REVISED = 0.03
+"""How far it may be where joints are named and all angles agree: revisions of a robot differ by a centimetre [m]."""
 ROUNDED = 1e-6
 """Norms off by less, as numbers of single precision are, are not told."""
 PROVED = 500
@@ -40,61 +61,21 @@ PROVED = 500
 BODIES = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 
 
-@dataclass(frozen=True, eq=False)
-class NamedArrays:
-    """The arrays of a file.
-
-    Attributes:
-        path: The file.
-        arrays: By name, numbers and text.
-    """
-
-    path: Path
-    arrays: Mapping[str, Array]
-
-    def __contains__(self, name: str) -> bool:
-        return name in self.arrays
-
-    def numbers(self, name: str) -> Array:
-        """An array of numbers, of one axis at least.
-
-        Raises:
-            InputError: it is text.
-        """
-        x = self.arrays[name]
-        if x.dtype.kind == "U":
-            raise InputError(f"{self.path.name}: {name} is text; expected numbers.")
-        return np.atleast_1d(x.astype(float))
-
-    def texts(self, name: str) -> list[str] | None:
-        """An array of text as a list; None where there is none."""
-        x = self.arrays.get(name)
-        return None if x is None or x.dtype.kind != "U" else [str(each) for each in x.ravel()]
-
-    def text(self, name: str) -> str:
-        """The first text of an array; empty where there is none."""
-        x = self.arrays.get(name, np.array(""))
-        return str(x.ravel()[0]) if x.size else ""
-
-
-def of_npz(path: Path, robot: CheckedModel | None, given: ReadSettings) -> Frames:
-    """The frames of an .npz, by what it holds.
+def of_named_arrays(path: Path, robot: CheckedModel | None, given: ReadSettings) -> Frames:
+    """The frames of an .npz, an .npy, a pickle or a file of joblib, by what it holds.
 
     Raises:
         InputError: nothing known; sizes that do not fit; an order of joints that kinematics does not prove.
     """
-    file = NamedArrays(path, npz_arrays(path))
+    file = named_arrays(path, given.motion)
     robot = _stored_robot(file) if robot is None else robot
-    for name, x in file.arrays.items():
-        if x.dtype.kind != "U" and not np.isfinite(x).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(x))[0])
-            raise InputError(f"{path.name}: {name}{list(where)} is {x[where]}; expected a finite number.")
-    for needed, frames_of in KINDS.items():
-        if needed <= set(file.arrays):
+    for needed, frames_of in KINDS:
+        if all(file.first(*names) for names in needed):
             return frames_of(file, robot, given)
+    held = ", ".join(sorted([*file.arrays, *file.others]))[:200] or "nothing"
     raise InputError(
-        f"{path.name} holds {', '.join(sorted(file.arrays))[:200] or 'nothing'}; expected q and t, or {', '.join(BODIES)}, "
-        "or what Motion.save or Trajectory.save writes."
+        f"{path.name} holds {held}; expected q and t; {', '.join(BODIES)}; root_pos, root_rot, dof_pos, fps (GMR, TWIST); "
+        "root_trans_offset, root_rot, dof, fps (PHC, ASAP); qpos (MuJoCo, LocoMuJoCo); or what Motion.save writes."
     )
 
 
@@ -151,7 +132,7 @@ def _of_q(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames
 def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames:
     path = file.path
     x, place, turn = (file.numbers(name) for name in BODIES[1:])
-    n = len(x)
+    n, base_body, steps = len(x), 0, [single_step(file.arrays[name]) for name in BODIES[1:]]
     fits = x.ndim == 2 and place.ndim == 3 and place.shape[::2] == (n, 3) and turn.shape == (*place.shape[:2], 4)
     if not fits or not n:
         raise InputError(
@@ -160,31 +141,42 @@ def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> F
         )
     if not robot.floating or not place.shape[1]:
         raise InputError(f"{path.name} holds bodies in the world, the base first; {robot.name} has no floating base.")
-    if "fps" in file:
-        own = check_rate(float(file.numbers("fps").ravel()[0]), f"fps in {path.name}")
-        check_same_rate(given.rate, own, f"fps in {path.name} is")
-        given = replace(given, rate=own)
-    t, notes = file_times(path, n, given)
+    t, notes = times_in(file, given, n)
+    v = file.numbers("joint_vel") if "joint_vel" in file else None
+    counts = {len(names) for names in _candidates(file, robot, given.joints).values()}
+    objects = next((k for k in range(MOST_OBJECTS) if x.shape[1] - FREE * (k + 1) in counts), None)
+    if objects is not None and x.shape[1] not in counts:  # a free joint in front, as of holosoma
+        off = np.abs(place - x[:, None, :3]).max(axis=(0, 2), initial=0.0)
+        base_body = int(off.argmin())
+        if off[base_body] > NEAR:
+            raise InputError(f"{path.name}: joint_pos begins with no body's place: the nearest is {off[base_body]:.3g} m away.")
+        k = x.shape[1] - FREE * (objects + 1)
+        notes.append(
+            f"joint_pos begins with the free joint of body {base_body}, and ends with those of {objects} objects, not read."
+        )
+        x, v = x[:, FREE : FREE + k], None if v is None else v[:, FREE - 1 : FREE - 1 + k]
+    place, turn, base_body, told = _own_bodies(file, robot, place, turn, base_body)
+    notes += told
     flat = turn.reshape(-1, 4)
     norm = check_unit(flat, lambda i: f"{path.name}: body_quat_w[{i // turn.shape[1]}, {i % turn.shape[1]}]")
     turn = (flat / norm[:, None]).reshape(turn.shape)
     off = float(np.abs(norm - 1.0).max())
     if off > ROUNDED:
         notes.append(f"quaternions in body_quat_w were normalised: off by up to {off:.1g}.")
-    base, told = chosen_order(robot, turn[:, 0], given.quaternion or "wxyz", path.name)
+    base, told = chosen_order(robot, turn[:, base_body], given.quaternion or "wxyz", path.name)
     notes += told
     turn = turn if given.quaternion == "xyzw" else turn[:, :, [1, 2, 3, 0]]
-    steps = [single_step(file.arrays[name]) for name in BODIES[1:]]
     errors = {}
     for what, names in _orders(file, robot, given.joints, x.shape[1]).items():
         unit = unit_of(robot, names, x, given.units, path.name)
-        q = configurations(robot, (place[:, 0], base), names, x * unit)
+        q = configurations(robot, (place[:, base_body], base), names, x * unit)
         far, angle, links = _error(robot, q, place, turn)
         errors[what] = f"{1e3 * far:.3g} mm, {angle:.2g} rad"
-        if far <= NEAR and angle <= TURNED:
+        if angle <= TURNED and far <= (REVISED if "joint_names" in file or given.joints is not None else NEAR):
+            other = "; distances are those of another revision of the robot" if far > NEAR else ""
             notes.append(
                 f"joints are in the order of {what}: {min(PROVED, n)} frames of {place.shape[1]} bodies agree with kinematics "
-                f"to {1e3 * far:.2g} mm and {angle:.1g} rad."
+                f"to {1e3 * far:.2g} mm and {angle:.1g} rad{other}."
             )
             unseen = [name for name in names if not links & set(robot.model.subtrees[robot.joint_id(name)])]
             if unseen:
@@ -194,7 +186,8 @@ def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> F
                 )
             notes += left_still(robot, names)
             noise = rounding_noise(robot, steps[1], steps[2], names, unit * steps[0])
-            return Frames(robot, t, q, notes=tuple(notes), noise=noise)
+            found = Frames(robot, t, q, notes=tuple(notes), noise=noise)
+            return checked_rates_of(file, found, given, names, v)
     raise InputError(
         f"{path.name}: no order of joints puts all bodies within {1e3 * NEAR:g} mm and {TURNED:g} rad of body_pos_w and "
         f"body_quat_w; the worst body by order is off by {'; '.join(f'{what}: {error}' for what, error in errors.items())}. "
@@ -202,28 +195,52 @@ def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> F
     )
 
 
-KINDS: Mapping[frozenset[str], Callable[[NamedArrays, CheckedModel, ReadSettings], Frames]] = {
-    frozenset({"q", "t"}): _of_q,
-    frozenset(BODIES[1:]): _of_bodies,
-}
-"""{arrays that a kind of file has: what makes frames of them}; the first that fits is taken."""
+KINDS: Sequence[tuple[Sequence[Sequence[str]], Callable[[NamedArrays, CheckedModel, ReadSettings], Frames]]] = (
+    ((("q",), ("t",)), _of_q),
+    ([(name,) for name in BODIES[1:]], _of_bodies),
+    ((PLACES, TURNS, JOINTS), of_base),
+    ((("qpos",),), of_qpos),
+)  # fmt: skip
+"""(arrays that a kind of file has, each by one of some names; what makes frames of them); the first that fits is taken."""
+
+
+def _own_bodies(
+    file: NamedArrays, robot: CheckedModel, place: Array, turn: Array, base: int
+) -> tuple[Array, Array, int, list[str]]:
+    """(places, quaternions, index of the base, notes) of the bodies that are links of the robot, where the file names them."""
+    names = file.texts("body_names")
+    if names is None or len(names) != place.shape[1]:
+        return place, turn, base, []
+    own = [i for i, name in enumerate(names) if name in robot.links()]
+    others = [name for i, name in enumerate(names) if i not in own]
+    if not others or not own:
+        return place, turn, base, []
+    base = own.index(base) if base in own else 0
+    note = f"bodies that {robot.name} has no links for are not read: {', '.join(others):.400}."
+    return place[:, own], turn[:, own], base, [note]
+
+
+def _candidates(file: NamedArrays, robot: CheckedModel, joints: Sequence[str] | None) -> dict[str, tuple[str, ...]]:
+    """{what it is: joints in order} that a file can have."""
+    joints = file.texts("joint_names") if joints is None else joints
+    if joints is not None:
+        return {"the names given": checked_joints(robot, [known_name(name, single_joints(robot)) or name for name in joints])}
+    found = {"the robot's file": file_order(robot), "breadth-first search": breadth_first(robot)}
+    for what, names in formats(robot).items():
+        found.setdefault(what, names)
+        found[f"breadth-first search, {what}"] = tuple(name for name in breadth_first(robot) if name in names)
+    return found
 
 
 def _orders(file: NamedArrays, robot: CheckedModel, joints: Sequence[str] | None, width: int) -> dict[str, tuple[str, ...]]:
     """{what it is: joints in order} to be tried."""
-    joints = file.texts("joint_names") if joints is None else joints
-    if joints is not None:
-        found = {"the names given": checked_joints(robot, joints)}
-    else:
-        found = {"the robot's file": file_order(robot), "breadth-first search": breadth_first(robot)}
-        for what, names in formats(robot).items():
-            found.setdefault(what, names)
-            found[f"breadth-first search, {what}"] = tuple(name for name in breadth_first(robot) if name in names)
+    found = _candidates(file, robot, joints)
     fitting = {what: names for what, names in found.items() if len(names) == width}
     if not fitting:
         counts = sorted({len(names) for names in found.values()})
         raise InputError(
             f"{file.path.name}: joint_pos has {width} columns; {robot.name} has {', '.join(map(str, counts))} joints."
+            f"{looks_like(width)}"
         )
     return fitting
 

@@ -201,6 +201,7 @@ class Motion(Displayed):
         order: int = 4,
         cutoff: float | None = None,
         ground: float | None = None,
+        motion: str | None = None,
         trust: bool = False,
         progress: bool = True,
     ) -> Motion:
@@ -227,6 +228,7 @@ class Motion(Displayed):
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             ground: Height of the floor [m]; by default 0, or that of the file.
+            motion: Name of the motion, of a file that holds several.
             trust: Take times, lengths, v and a of the file as they are; see `of_arrays`.
             progress: Show a bar on a terminal where reading takes long.
 
@@ -236,7 +238,7 @@ class Motion(Displayed):
 
         >>> motion = rbd.Motion.read("dance.csv", robot="g1", rate=60)
         """
-        found = read_frames(path, robot, ReadSettings(rate, quaternion, joints, units, trust), progress=progress)
+        found = read_frames(path, robot, ReadSettings(rate, quaternion, joints, units, trust, motion), progress=progress)
         out = cls.of_arrays(
             found.robot, found.t, found.q, found.v, found.a, source=Path(path).name, notes=found.notes, noise=found.noise,
             ground=found.ground if ground is None else ground, window=window, order=order, cutoff=cutoff,

@@ -12,9 +12,9 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib import format as npy
@@ -98,21 +98,51 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     return _header(path, str(arrays.pop(HEADER)), len(data)), arrays
 
 
-def npz_arrays(path: Path) -> dict[str, Array]:
+def npz_arrays(path: Path, kinds: str = "fiuU", objects: Callable[[bytes], Any] | None = None) -> dict[str, Any]:
     """{name: array} of any .npz with numbers and text; pickles are not read.
+
+    Args:
+        path: The file.
+        kinds: Types of arrays that it may hold, NumPy's letters.
+        objects: Reads the pickle of an array of objects; without it such arrays are refused.
 
     Raises:
         InputError: no such file, no .npz, cut short, or with arrays of objects.
     """
     data = _bytes(path)
     try:
-        return _members(data, "fiuU")
+        return _members(data, kinds, objects)
     except INVALID_BYTES as error:
         why = str(error)[:200] or type(error).__name__
         raise InputError(f"{path.name} is no .npz with arrays of numbers: {why}") from error
 
 
-def _members(data: bytes, kinds: str) -> dict[str, Array]:
+def npy_array(path: Path, objects: Callable[[bytes], Any]) -> Any:
+    """The array of an .npy, or what the pickle in one of objects holds.
+
+    Raises:
+        InputError: no such file, no .npy, or cut short.
+    """
+    data = _bytes(path)
+    try:
+        return _held(io.BytesIO(data), objects)
+    except INVALID_BYTES as error:
+        raise InputError(f"{path.name} is no .npy that can be read: {str(error)[:200] or type(error).__name__}") from error
+
+
+def _held(file: IO[bytes], objects: Callable[[bytes], Any] | None) -> Any:
+    """What an .npy holds. NumPy reads it piece by piece: what is not there takes no memory."""
+    if objects is None:
+        return npy.read_array(file, allow_pickle=False)
+    whole = io.BytesIO(file.read())
+    header = npy.read_array_header_1_0 if npy.read_magic(whole) == (1, 0) else npy.read_array_header_2_0
+    if header(whole)[2].hasobject:
+        return objects(whole.read())
+    whole.seek(0)
+    return npy.read_array(whole, allow_pickle=False)
+
+
+def _members(data: bytes, kinds: str, objects: Callable[[bytes], Any] | None = None) -> dict[str, Any]:
     """{name: array} of an .npz, of types of these kinds.
 
     Raises:
@@ -123,20 +153,22 @@ def _members(data: bytes, kinds: str) -> dict[str, Array]:
         total, most = sum(info.file_size for info in infos), FREE + TIMES * len(data)
         if total > most:
             raise ValueError(f"it says that it holds {total:,} bytes; a file of {len(data):,} bytes may hold {most:,} at most")
-        arrays = {info.filename.removesuffix(".npy"): _array(archive, info, kinds) for info in infos}
+        arrays = {info.filename.removesuffix(".npy"): _array(archive, info, kinds, objects) for info in infos}
     if len(arrays) != len(infos):
         raise ValueError("two of its arrays have one name")
     return arrays
 
 
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> Array:
-    """An array of an .npz. NumPy reads it piece by piece: what is not there takes no memory."""
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str, objects: Callable[[bytes], Any] | None) -> Any:
+    """An array of an .npz, or what `objects` makes of one of objects."""
     with archive.open(info) as file:
         try:
-            out: Array = npy.read_array(file, allow_pickle=False)
+            out = _held(file, objects)
         except ValueError as error:
             raise ValueError(f"{info.filename!r:.80}: {error}") from error
         rest = file.read(1)  # at the end the checksum is compared
+    if not isinstance(out, np.ndarray):
+        return out
     if out.dtype.kind not in kinds or not out.dtype.itemsize or rest:
         raise ValueError(f"{info.filename!r:.80} is an array of {out.dtype}, or longer than it says")
     if out.dtype.kind == "U":

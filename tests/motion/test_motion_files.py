@@ -245,7 +245,7 @@ class TestProvedOrder:
         assert np.abs(found.q - dance.q).max() < 2e-6
         assert any("order of breadth-first search" in note for note in found.notes)
         index = [breadth_first(g1).index(name) for name in file_order(g1)]
-        np.savez(tmp_path / "b.npz", **{**small, "joint_pos": small["joint_pos"][:, index]})
+        np.savez(tmp_path / "b.npz", **{**small, **{name: small[name][:, index] for name in ("joint_pos", "joint_vel")}})
         found = Motion.read(tmp_path / "b.npz", robot=g1)
         assert np.abs(found.q - dance.q).max() < 2e-6
         assert any("order of the robot's file" in note for note in found.notes)
@@ -309,7 +309,7 @@ class TestProvedOrder:
             with pytest.raises(InputError, match=told):
                 Motion.read(tmp_path / "bad.npz", robot=g1)
         np.savez(tmp_path / "bad.npz", x=np.zeros(3))
-        with pytest.raises(InputError, match="holds x; expected q and t, or fps"):
+        with pytest.raises(InputError, match="holds x; expected q and t; fps"):
             Motion.read(tmp_path / "bad.npz", robot=g1)
 
 
@@ -403,11 +403,11 @@ class TestBadTables:
         path.write_bytes(b"1" * 300_000)
         self.refused(g1, path, "column|characters")
         path.write_bytes(pickle.dumps({"q": [1.0, 2.0]}))
-        self.refused(g1, path, "Pickles are not read")
+        self.refused(g1, path, "holds q; expected q and t")
         (tmp_path / "x.pkl").write_bytes(b"whatever")
-        self.refused(g1, tmp_path / "x.pkl", "is a pickle")
+        self.refused(g1, tmp_path / "x.pkl", "is no pickle")
         np.savez(tmp_path / "x.npz", q=np.array([{"a": 1}], dtype=object), t=np.zeros(1))
-        self.refused(g1, tmp_path / "x.npz", "no .npz with arrays of numbers")
+        self.refused(g1, tmp_path / "x.npz", "holds q, t; expected")
         (tmp_path / "y.npz").write_bytes(b"PK\x03\x04 nothing")
         self.refused(g1, tmp_path / "y.npz", "no .npz")
         (tmp_path / "z.npz").write_bytes(b"")

@@ -1,0 +1,254 @@
+"""Motions in the formats of other tools, each made here in its layout: what is read, what is said, what is refused."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.errors import InputError
+from rbd.model.sampled_motion import exponential
+from rbd.motion import Motion, list_motions, read_all
+from rbd.motion.file_conventions import breadth_first, file_order
+from rbd.motion.file_frames import joint_values
+
+
+@pytest.fixture(scope="module")
+def steps(g1) -> Motion:
+    """G1 that steps from foot to foot and turns, 1.5 s at 60 Hz, joints within limits; its feet stand still in turn."""
+    t = np.arange(90) / 60.0
+    q = np.tile(g1.standing().q, (len(t), 1))
+    turn = 0.3 * np.sin(3.0 * t)
+    q[:, 3:7] = exponential(np.stack([0.03 * np.sin(4.0 * t), 0.02 * np.cos(5.0 * t), turn], axis=1))
+    q[:, :2] += np.stack([0.1 * t, 0.05 * np.sin(4.0 * t)], axis=1)
+    for name, size, rate in (("knee", 0.2, 4.0), ("hip_roll", 0.1, 4.0), ("shoulder_roll", 0.2, 2.0), ("elbow", 0.3, 5.0)):
+        for k, side in enumerate(("left", "right")):
+            sign = -1.0 if k and name.endswith("roll") else 1.0
+            q[:, g1.joints[f"{side}_{name}_joint"].q.start] += sign * size * (1.0 + k) * np.abs(np.sin(rate * t + k))
+    return Motion.of_arrays(g1, t, q)
+
+
+@pytest.fixture(scope="module")
+def parts(steps, g1) -> dict[str, np.ndarray]:
+    """Its base and joints as other tools store them."""
+    q, names = steps.q, file_order(g1)
+    vel = steps.v[:, [g1.joints[name].v.start for name in names]]
+    qpos = q[:, [0, 1, 2, 6, 3, 4, 5, *range(7, g1.nq)]]
+    dof = joint_values(g1, q, names)
+    return {"pos": q[:, :3], "xyzw": q[:, 3:7], "wxyz": q[:, [6, 3, 4, 5]], "dof": dof, "vel": vel, "qpos": qpos}
+
+
+def gmr(parts) -> dict:
+    """What GMR pickles."""
+    links = {"local_body_pos": None, "link_body_list": None}
+    return {"fps": 60, "root_pos": parts["pos"], "root_rot": parts["xyzw"], "dof_pos": parts["dof"], **links}
+
+
+def phc(parts, dof=None) -> dict:
+    """A motion of what PHC and ASAP pickle."""
+    return {
+        "root_trans_offset": parts["pos"], "pose_aa": np.zeros((90, 30, 3)), "dof": parts["dof"] if dof is None else dof,
+        "root_rot": parts["xyzw"], "smpl_joints": np.zeros((90, 24, 3)), "fps": 60,
+    }  # fmt: skip
+
+
+def pickled(path, value):
+    """A file of it."""
+    path.write_bytes(pickle.dumps(value))
+    return path
+
+
+def agrees(found: Motion, steps: Motion, tolerance: float = 1e-12) -> bool:
+    """Whether q is the same, quaternions up to their sign."""
+    sign = np.sign((found.q[:, 3:7] * steps.q[:, 3:7]).sum(axis=1))[:, None]
+    other = np.hstack([found.q[:, :3], sign * found.q[:, 3:7], found.q[:, 7:]])
+    return found.n == steps.n and np.abs(other - steps.q).max() < tolerance and abs(found.rate - 60.0) < 1e-9
+
+
+class TestBaseAndJoints:
+    """A base's pose and joints in arrays by name."""
+
+    def test_gmr_and_twist(self, steps, parts, g1, tmp_path):
+        """As pickle, as .npz in single precision, and with a name that says nothing."""
+        assert agrees(Motion.read(pickled(tmp_path / "a.pkl", gmr(parts)), robot=g1), steps)
+        assert agrees(Motion.read(pickled(tmp_path / "a.motion", gmr(parts)), robot=g1), steps)
+        small = {name: np.asarray(x, np.float32) for name, x in gmr(parts).items() if x is not None}
+        np.savez(tmp_path / "twist.npz", **small)
+        found = Motion.read(tmp_path / "twist.npz", robot=g1)
+        assert agrees(found, steps, 2e-6) and found.derivation.noise_q[10] > 1e-9
+        assert any("all 29 joints of g1, in that order" in note for note in found.notes)
+
+    def test_lists_in_place_of_arrays(self, steps, parts, g1, tmp_path):
+        """Rows as lists, or as a list of arrays."""
+        as_lists = {name: list(x) if isinstance(x, np.ndarray) else x for name, x in gmr(parts).items()}
+        as_lists["dof_pos"] = parts["dof"].tolist()
+        assert agrees(Motion.read(pickled(tmp_path / "a.pkl", as_lists), robot=g1), steps)
+
+    def test_phc_and_asap_hold_motions_by_name(self, steps, parts, g1, tmp_path):
+        """One needs no name; of several one is named, or all are read; the 23 joints of ASAP have no wrists."""
+        assert agrees(Motion.read(pickled(tmp_path / "one.pkl", {"walk": phc(parts)}), robot=g1), steps)
+        keep = [i for i, name in enumerate(file_order(g1)) if "wrist" not in name]
+        path = pickled(tmp_path / "two.pkl", {"walk": phc(parts), "small": phc(parts, parts["dof"][:, keep, None])})
+        with pytest.raises(InputError, match="holds 2 motions: 'walk', 'small'; name one, motion='walk', or read all"):
+            Motion.read(path, robot=g1)
+        with pytest.raises(InputError, match="holds no motion 'smal'; nearest: 'small'"):
+            Motion.read(path, robot=g1, motion="smal")
+        found = Motion.read(path, robot=g1, motion="small")
+        assert np.abs(found.q[:, 7:29] - steps.q[:, 7:29]).max() < 1e-12
+        assert any("(no wrists), in that order" in note for note in found.notes)
+        assert any("not read: pose_aa (90, 30, 3), smpl_joints (90, 24, 3)" in note for note in found.notes)
+        listed = [str(file) for file, motion in read_all(tmp_path, robot=g1) if agrees(motion, steps)]
+        assert listed == [f"{tmp_path / 'one.pkl'}[walk]", f"{path}[walk]", f"{path}[small]"]
+
+    def test_numbered_motions(self, steps, parts, g1, tmp_path):
+        """A list of motions is read by number; LocoMuJoCo's split points cut one array into several."""
+        path = pickled(tmp_path / "a.pkl", [gmr(parts), gmr(parts)])
+        assert [file.name for file in list_motions(path)] == ["0", "1"]
+        assert agrees(Motion.read(path, robot=g1, motion="1"), steps)
+        twice = {"qpos": np.vstack([parts["qpos"]] * 2), "joint_names": ["root", *file_order(g1)], "frequency": 60.0}
+        np.savez(tmp_path / "b.npz", **twice, split_points=[0, 90, 180])
+        assert [agrees(motion, steps) for _, motion in read_all(tmp_path / "b.npz", robot=g1)] == [True, True]
+
+    def test_what_is_missing_or_does_not_fit(self, parts, g1, tmp_path):
+        """Another number of joints with what it looks like, other sizes, no rate, another rate, no frames, one frame."""
+
+        def refused(match, robot=g1, **change):
+            settings = change.pop("settings", {})
+            with pytest.raises(InputError, match=match):
+                Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | change), robot=robot, **settings)
+
+        refused("dof_pos has 19 columns of joints; expected 29: all .*These look like H1 with 19", dof_pos=parts["dof"][:, :19])
+        refused(r"root_rot \(90, 3\), dof_pos \(90, 29\); expected \(n, 3\), \(n, 4\)", root_rot=parts["pos"])
+        refused("root_rot.0. has norm 2", root_rot=2.0 * parts["xyzw"])
+        refused("fps in a.pkl is 0.0; expected 1 to", fps=0)
+        refused("rate is 30, but fps in a.pkl is 60 Hz", settings={"rate": 30})
+        refused("has no frame", **{name: np.empty((0, k)) for name, k in (("root_pos", 3), ("root_rot", 4), ("dof_pos", 29))})
+        refused("1 frame has no velocity", **{name: gmr(parts)[name][:1] for name in ("root_pos", "root_rot", "dof_pos")})
+        refused(r"root_pos\[3, 1\] is nan", root_pos=np.where(np.arange(270).reshape(90, 3) == 10, np.nan, parts["pos"]))
+        refused("no floating base", robot=rbd.load_robot("panda", root="fixed"))
+        del (nothing := gmr(parts))["fps"]
+        with pytest.raises(InputError, match="has no times; give rate=30"):
+            Motion.read(pickled(tmp_path / "a.pkl", nothing), robot=g1)
+        assert Motion.read(tmp_path / "a.pkl", robot=g1, rate=60).rate == pytest.approx(60.0)
+        with pytest.raises(InputError, match="holds nothing"):
+            Motion.read(pickled(tmp_path / "a.pkl", {}), robot=g1)
+
+
+class TestQpos:
+    """MuJoCo's qpos, quaternions w, x, y, z."""
+
+    def test_alone_or_with_a_rate(self, steps, parts, g1, tmp_path):
+        """An .npy with the rate in its name; an .npz with fps or a time step."""
+        np.save(tmp_path / "walk_60hz.npy", parts["qpos"])
+        np.savez(tmp_path / "a.npz", qpos=parts["qpos"], fps=60)
+        np.savez(tmp_path / "b.npz", qpos=parts["qpos"], dt=1 / 60)
+        np.savez(tmp_path / "c.npz", qpos=parts["qpos"], time=steps.t)
+        for name in ("walk_60hz.npy", "a.npz", "b.npz", "c.npz"):
+            assert agrees(Motion.read(tmp_path / name, robot=g1), steps, 1e-9), name
+
+    def test_objects_behind_the_joints_are_told(self, steps, parts, g1, tmp_path):
+        """A box's free joint, with names or without: the robot is read, and where the box moves is said."""
+        box = np.hstack([0.4 * steps.t[:, None] * [1.0, 0.0, 1.0], np.tile([1.0, 0.0, 0.0, 0.0], (90, 1))])
+        np.savez(tmp_path / "a.npz", qpos=np.hstack([parts["qpos"], box]), fps=60)
+        names = ["box", "root", *breadth_first(g1)]
+        index = [7 + file_order(g1).index(name) for name in names[2:]]
+        np.savez(
+            tmp_path / "b.npz", qpos=np.hstack([box, parts["qpos"][:, :7], parts["qpos"][:, index]]), fps=60, joint_names=names
+        )
+        for name, start in (("a.npz", 36), ("b.npz", 0)):
+            found = Motion.read(tmp_path / name, robot=g1)
+            if name == "a.npz":
+                assert agrees(found, steps)
+                assert any(
+                    f"columns {start} to {start + 6} of qpos are of an object, that moves over [0.59" in n for n in found.notes
+                )
+
+    def test_loco_mujoco(self, steps, parts, g1, tmp_path):
+        """Names of joints, types, a frequency, and arrays of objects that hold nothing."""
+        qvel = np.hstack([steps.v[:, :6], parts["vel"]])
+        given = {"qpos": parts["qpos"].astype(np.float32), "qvel": qvel, "joint_names": ["root", *file_order(g1)]}
+        given |= {"jnt_type": [0] + [3] * 29, "frequency": 60.0, "njnt": 30, "metadata": np.array(None, dtype=object)}
+        given |= {"split_points": [0, 90]}
+        np.savez(tmp_path / "a.npz", **given)
+        found = Motion.read(tmp_path / "a.npz", robot=g1)
+        assert agrees(found, steps, 1e-6) and any("not read: metadata" in note for note in found.notes)
+        given["joint_names"] = ["root", *(f"x_{name}" for name in file_order(g1))]
+        np.savez(tmp_path / "a.npz", **given)
+        with pytest.raises(InputError, match="joint 'x_left_hip_pitch_joint' is none of g1"):
+            Motion.read(tmp_path / "a.npz", robot=g1)
+
+
+class TestWhatCannotBe:
+    """Files of another robot, in other units, at other rates, with sides exchanged."""
+
+    def test_left_and_right_exchanged(self, steps, parts, g1, tmp_path):
+        """By limits: a roll of the hip that the other hip has not."""
+        names = list(file_order(g1))
+        other = [names.index(n.replace("left", "?").replace("right", "left").replace("?", "right")) for n in names]
+        dof = parts["dof"].copy()
+        dof[:, names.index("left_hip_roll_joint")] += 0.9
+        dof[:, names.index("right_hip_roll_joint")] -= 0.9
+        with pytest.raises(InputError, match="beyond its limits by .* they fit g1 in left and right exchanged"):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": dof[:, other]}), robot=g1)
+        assert Motion.read(tmp_path / "a.pkl", robot=g1, trust=True).n == 90
+
+    def test_degrees_that_could_be_radians(self, steps, parts, g1, tmp_path):
+        """Less than two turns as radians, but beyond all limits."""
+        dof = np.degrees(0.15 * parts["dof"])
+        with pytest.raises(InputError, match="they fit g1 in degrees, units='deg'"):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": dof}), robot=g1)
+
+    def test_another_order(self, steps, parts, g1, tmp_path):
+        """Breadth-first, by limits."""
+        dof = parts["dof"].copy()
+        dof[:, list(file_order(g1)).index("left_knee_joint")] += 1.2
+        index = [list(file_order(g1)).index(name) for name in breadth_first(g1)]
+        with pytest.raises(InputError, match="they fit g1 in the order of breadth-first search"):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": dof[:, index]}), robot=g1)
+
+    def test_velocities_of_another_rate(self, steps, parts, g1, tmp_path):
+        """Twice the rate of positions: named with the joint and the factor; half a frame late is no fault."""
+
+        def written(v):
+            return pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_vel": v})
+
+        found = Motion.read(written(parts["vel"]), robot=g1)
+        assert any("velocities of joints in the file are the rates of q at 60 Hz" in note for note in found.notes)
+        with pytest.raises(InputError, match=r"is (1\.8|2\.0)\d times the rate of its position"):
+            Motion.read(written(2.0 * parts["vel"]), robot=g1)
+        assert any("not used" in n for n in Motion.read(written(2.0 * parts["vel"]), robot=g1, trust=True).notes)
+
+    def test_joints_of_another_robot(self, parts, g1, tmp_path):
+        """Names that are all of another robot's: which one is said."""
+        talos = rbd.load_robot("talos")
+        with pytest.raises(
+            InputError, match="joints that talos has not, 'left_hip_pitch_joint' first. These look like G1 with 29"
+        ):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"joint_names": list(file_order(g1))}), robot=talos)
+        with pytest.raises(InputError, match="29 columns of joints; .*These look like G1 with 29"):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts)), robot=talos)
+
+
+class TestBodies:
+    """Poses of bodies, as of holosoma: the free joint inside joint_pos, the world first, bodies that the robot has not."""
+
+    def test_holosoma(self, steps, parts, g1, tmp_path):
+        """The order of joints is proved by the links that the robot has; an object's arrays are told first."""
+        steps.save(tmp_path / "a.npz", kind="bodies")
+        with np.load(tmp_path / "a.npz") as file:
+            held = dict(file)
+        held["joint_pos"] = np.hstack([parts["pos"], parts["wxyz"], parts["dof"]])
+        held["joint_vel"] = np.hstack([np.zeros((90, 6)), parts["vel"]])
+        held["joint_names"] = np.array(file_order(g1))
+        far = np.tile([9.0, 9.0, 9.0], (90, 1))[:, None]
+        held["body_pos_w"] = np.concatenate([0.0 * far, held["body_pos_w"], far], axis=1)
+        one = np.tile([1.0, 0.0, 0.0, 0.0], (90, 1))[:, None]
+        held["body_quat_w"] = np.concatenate([one, held["body_quat_w"], one], axis=1)
+        held["body_names"] = np.array(["world", *held["body_names"], "largebox_link"])
+        np.savez(tmp_path / "b.npz", **held, object_pos_w=far[:, 0], object_quat_w=one[:, 0])
+        found = Motion.read(tmp_path / "b.npz", robot=g1)
+        assert agrees(found, steps, 1e-9)
+        assert any("bodies that g1 has no links for are not read: world, largebox_link" in note for note in found.notes)
+        assert any("not read: object_pos_w (90, 3)" in n and "what it tells of an object is left out" in n for n in found.notes)
