@@ -15,6 +15,7 @@ from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_a
 from rbd.motion.observer import MomentumObserver
 from rbd.motion.reference_motion import Motion, minimum_jerk
 from rbd.motion.report import MotionReport
+from rbd.motion.retiming.timing import Timing, find_timing, retimed
 from rbd.motion.sensor_noise import SensorNoise
 
 __all__ = [
@@ -30,14 +31,17 @@ __all__ = [
     "MotionReport",
     "OpenComponents",
     "SensorNoise",
+    "Timing",
     "check_motion",
     "derivatives",
     "estimate_forces",
     "estimate_forces_along",
     "find_contacts",
+    "find_timing",
     "list_motions",
     "minimum_jerk",
     "read_all",
+    "retimed",
 ]
 
 

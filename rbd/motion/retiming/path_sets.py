@@ -1,0 +1,259 @@
+"""Which accelerations and speeds along a path are possible: at each of its points a convex set of (u, x) = (s'', s'^2).
+
+    v = q' s',   a = q' s'' + q'' s'^2,   M q' u + (M q'' + C q') x + g = S^T tau + J^T f
+
+is affine in (u, x): torques within limits are half-planes, and contact forces f in circular cones a projection of a convex set.
+Half-planes of that come one by one: a conic program finds the point of the set nearest to one that is asked about, in the size
+of the forces that (u, x) changes, and the line through it, across the way there, holds the set on one side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import NoSolution
+from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import cubic, interpolated_q
+from rbd.motion.contact_timeline import ContactTimeline
+from rbd.motion.frame_terms import FrameTerms, placements, wrench_scale
+from rbd.motion.reference_motion import Motion
+from rbd.problem.conic import Conic, Unknowns
+from rbd.problem.programs import Outcome
+from rbd.solvers.cone_least_squares import nearest_in_cones
+from rbd.solvers.conic_newton import interior_point, solve_conic
+
+TOLERANCE = 1e-4
+"""A point is of the set if it is this near to it, in shares of the weight and of torque limits."""
+SPARED = 1e-3
+"""Share of speed limits that is left to what lies between the points."""
+SLACK = 5e-4
+"""Share of the weight that each component of the wrench may miss besides: a flight's set would else be a point."""
+_MET = 1e-6
+_SQUARES = 1e-3
+_FLAT = 1e-6
+"""Forces that a unit of u changes by no more, over weight and limits: of a path at rest."""
+_SPEAKS = 1e-3
+"""A motor is in the way if its multiplier is more than this of the largest."""
+
+
+@dataclass(frozen=True)
+class PathLimits:
+    """What a timing keeps to.
+
+    Attributes:
+        friction: Coulomb's coefficient.
+        threshold: Share of the weight that may be missing, where the motion as it was, or the pose at rest, misses it.
+        torque: Limits of the motors, shape (nu,), inf where there is none [N m, N].
+        speed: Limits of v, shape (nv,), inf where there is none [m/s, rad/s].
+        pace: Largest s'.
+    """
+
+    friction: float
+    threshold: float
+    torque: Array
+    speed: Array
+    pace: float
+
+
+@dataclass(eq=False)
+class PathSet:
+    """The set at one point of a path, inside the half-planes known so far; more come with `separate`.
+
+    Attributes:
+        normals: Of the half-planes normals . (u, x) <= sides, shape (r, 2).
+        sides: Shape (r,).
+        causes: What each of them stands for: "pace", "speed limit of ...", "motor of ...", "balance".
+        program: Of contact forces and (u, x) over `scale`; None where no force can act: the half-planes are then the set.
+        scale: What the program's (u, x) are divided by, shape (2,).
+        metric: Their inner product, shape (2, 2).
+        motors: Names of the motors in the program's last rows.
+        missed: What may be missing here, as it is missing in the motion as it was, else at rest, over weight and weight times
+            `LENGTH`, shape (6,).
+        empty: Whether the program has no solution.
+    """
+
+    normals: Array
+    sides: Array
+    causes: list[str]
+    program: Conic | None
+    scale: Array
+    metric: Array
+    motors: list[str]
+    missed: Array
+    empty: bool = False
+    known: list[Array] = field(default_factory=list)
+
+    def beyond(self, p: Array) -> float:
+        """How far (u, x) is outside the half-planes, over limits; zero or less inside."""
+        return float((self.normals @ p - self.sides).max(initial=-np.inf))
+
+    def knows(self, p: Array) -> bool:
+        """Whether no program is needed to tell how far (u, x) is outside."""
+        return self.program is None or any(np.abs((p - each) / self.scale).max() <= 1e-9 for each in self.known)
+
+    def separate(self, p: Array) -> float:
+        """How far (u, x) is outside the set, in shares of weight and limits, zero inside; a half-plane between is added.
+
+        Raises:
+            NoSolution: the program was not solved.
+        """
+        outside = max(self.beyond(p), 0.0)
+        if self.program is None or self.knows(p):
+            return outside
+        z, n = p / self.scale, len(self.program.g) - 2
+        posed = replace(self.program, g=np.append(np.zeros(n), -self.metric @ z))
+        found = interior_point(posed)
+        if found.outcome is not Outcome.NOT_FOUND or posed.outside(found.x) > _MET:
+            found = solve_conic(posed, newton=False, tolerance=_MET)
+        if found.outcome is Outcome.INFEASIBLE:
+            self.empty = True
+            return np.inf
+        if posed.outside(found.x) > 10.0 * _MET:
+            raise NoSolution(f"a program with {n} forces was not solved along the path. Use fewer contacts.")
+        off = z - found.x[-2:]
+        distance = float(np.sqrt(off @ self.metric @ off))
+        if distance <= TOLERANCE:
+            self.known.append(p)
+            return max(outside, distance)
+        normal = self.metric @ off / distance
+        torques = np.abs(found.z[len(found.z) - len(self.motors) :])
+        most = max(np.abs(found.y).max(initial=0.0), np.abs(found.z).max(initial=0.0))
+        loud = torques.max(initial=0.0) > _SPEAKS * most
+        self.normals = np.vstack([self.normals, normal / self.scale])
+        self.sides = np.append(self.sides, normal @ found.x[-2:])
+        self.causes.append(f"motor of {self.motors[int(torques.argmax())]}" if loud else "balance")
+        return distance
+
+
+class PathSets:
+    """The sets along a path, made where they are asked for; a place on it counts frames, 2.5 is halfway from frame 2 to 3.
+
+    Attributes:
+        motion: The path, with s = t of its frames.
+        lanes: Its contacts, or None. Between two frames a point touches that does so in one of them.
+        limits: What is kept to.
+        programs: How many programs were solved.
+    """
+
+    def __init__(self, motion: Motion, lanes: ContactTimeline | None, limits: PathLimits) -> None:
+        self.motion, self.lanes, self.limits = motion, lanes, limits
+        self.programs = 0
+        self._sets: dict[float, PathSet] = {}
+
+    def time(self, places: Array) -> Array:
+        """S of places, shape (m,) [s]."""
+        return np.interp(places, np.arange(self.motion.n), self.motion.t)
+
+    def path(self, s: Array) -> tuple[Array, Array, Array]:
+        """(q, q', q'') at s, shapes (m, nq), (m, nv), (m, nv): as `Motion.resample` has them."""
+        m = self.motion
+        q2 = np.stack([np.interp(s, m.t, each) for each in m.a.T], axis=1)
+        return interpolated_q(m.robot, m.t, m.q, m.v, s), cubic(m.t, m.v, m.a, s), q2
+
+    def touches(self, places: Array, what: str = "touches") -> Array:
+        """Which points touch, or what else the lanes say of them, at places, shape (m, k)."""
+        given = getattr(self.lanes, what)
+        low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
+        return np.asarray(given[low] | given[high])
+
+    def points_at(self, q: Array) -> Array:
+        """Where the contact points are, shape (m, k, 3) [m]."""
+        assert self.lanes is not None
+        return self.lanes.points.places(*placements(self.motion.robot, q))
+
+    def at(self, places: Array) -> list[PathSet]:
+        """The sets at places on the path."""
+        new = np.array(sorted({float(x) for x in places} - self._sets.keys()))
+        for begin in range(0, len(new), 512):
+            part = new[begin : begin + 512]
+            self._sets.update(zip(part.tolist(), self._made(part), strict=True))
+        return [self._sets[float(x)] for x in places]
+
+    def separate(self, places: Array, p: Array) -> Array:
+        """`PathSet.separate` of many, shape (m,)."""
+        sets = self.at(places)
+        self.programs += sum(not each.knows(x) for each, x in zip(sets, p, strict=True))
+        return np.array([each.separate(x) for each, x in zip(sets, p, strict=True)])
+
+    def stands(self, place: float) -> float:
+        """How far the robot at rest there is outside the set."""
+        return float(self.separate(np.array([place]), np.zeros((1, 2)))[0])
+
+    def _made(self, places: Array) -> list[PathSet]:
+        robot, limits = self.motion.robot, self.limits
+        q, q1, q2 = self.path(self.time(places))
+        rows = self.rows(q, q1, q2)  # (m, 3, nv): of 1, u, x
+        motors, names = robot.actuated, robot.actuated_names
+        known = np.isfinite(limits.torque)
+        torque = rows[:, :, motors] / np.where(known, limits.torque, 1.0)
+        base, A, T, touching = np.zeros((len(places), 3, 0)), None, None, np.zeros((len(places), 0), bool)
+        missed = np.zeros((len(places), 6))
+        if robot.floating:
+            assert self.lanes is not None
+            terms = FrameTerms.of(robot, q, q1, q2, None)
+            scale = wrench_scale(robot)
+            base = np.stack([terms.to_wrench(rows[:, i, :6]) for i in range(3)], axis=1) / scale
+            touching, at = self.touches(places), self.points_at(q)
+            A = terms.wrench_map(at, touching) * (scale[0] / scale)[:, None, None]
+            for need in (base[:, 0], base[:, 0] + base[:, 2]):  # at rest; as it was
+                left = nearest_in_cones(A, need, limits.friction).left
+                few = np.linalg.norm(left, axis=1) <= limits.threshold
+                missed[few] = left[few]
+            base[:, 0] -= missed
+            per_limit = (scale[0] / np.where(known, limits.torque, 1.0))[None, :, None, None]
+            T = terms.joint_map(self.lanes.points, at, touching, motors) * per_limit
+        with np.errstate(divide="ignore"):
+            fast = np.where(q1 == 0.0, np.inf, (1.0 - SPARED) * limits.speed / np.abs(q1)) ** 2
+        out = []
+        for i in range(len(places)):
+            on = touching[i]
+            carried = np.zeros(len(motors), bool) if T is None else np.asarray((np.abs(T[i]) > 0.0).any(axis=(1, 2)))
+            own = known & ~carried
+            t, K = torque[i, 0, own], torque[i, 1:, own]
+            normals, sides = [K, -K, [[0.0, -1.0], [0.0, limits.pace**-2.0]]], [1.0 - t, 1.0 + t, [0.0, 1.0]]
+            free = [f"motor of {names[j]}" for j in np.flatnonzero(own)]
+            causes = [*free, *free, "rest", "pace"]
+            j = int(fast[i].argmin())
+            if np.isfinite(fast[i, j]):
+                normals, sides = [*normals, [[0.0, 1.0 / fast[i, j]]]], [*sides, [1.0]]
+                causes.append(f"speed limit of {_coordinate(robot, j)}")
+            G, b = base[i, 1:].T, base[i, 0]
+            if len(b) and not on.any():
+                normals, sides = [*normals, G, -G], [*sides, SLACK - b, SLACK + b]
+                causes += 12 * ["balance"]
+            size = np.square(np.concatenate([G, torque[i, 1:, known]]))
+            unit = 1.0 / np.maximum(np.sqrt(size.sum(axis=0)), _FLAT)
+            R = np.concatenate([G, torque[i, 1:, known]]) * unit
+            metric, program, some = R.T @ R + _SQUARES * np.eye(2), None, np.flatnonzero(known & carried)
+            if on.any() and A is not None and T is not None:
+                k = int(on.sum())
+                mu = np.full(k, max(limits.friction, 1e-9))
+                blocks = {"forces": Unknowns(3 * k, cones=np.arange(3 * k).reshape(-1, 3), mu=mu), "p": Unknowns(2, metric)}
+                held = {"forces": A[i][:, on].reshape(6, -1), "p": -G * unit}, b - SLACK, b + SLACK
+                turned = {"forces": -T[i][some][:, on].reshape(len(some), 3 * k), "p": torque[i, 1:, some] * unit}
+                within = (turned, -1.0 - torque[i, 0, some], 1.0 - torque[i, 0, some])
+                program = Conic.of(blocks, [], [held, within])
+            stacked = np.concatenate([np.asarray(each, float).reshape(-1, 2) for each in normals])
+            sides_ = np.concatenate([np.asarray(each, float) for each in sides])
+            out.append(PathSet(stacked, sides_, causes, program, unit, metric, [names[j] for j in some], missed[i]))
+        return out
+
+    def rows(self, q: Array, q1: Array, q2: Array) -> Array:
+        """Generalised forces that contacts and motors must come to, of 1, u and x, shape (m, 3, nv) [N, N m]."""
+        model, nothing = self.motion.robot.model, np.zeros(self.motion.robot.nv)
+        data, out = model.createData(), np.empty((len(q), 3, self.motion.robot.nv))
+        for i in range(len(q)):
+            out[i, 0] = pin.rnea(model, data, q[i], nothing, nothing)
+            out[i, 1] = pin.rnea(model, data, q[i], nothing, q1[i])
+            out[i, 2] = pin.rnea(model, data, q[i], q1[i], q2[i])
+        out[:, 1:] -= out[:, :1]
+        return out
+
+
+def _coordinate(robot: CheckedModel, v: int) -> str:
+    """The joint of a coordinate of v."""
+    return next(joint.name for joint in robot.joints.values() if joint.v.start <= v < joint.v.stop)
