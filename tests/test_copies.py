@@ -272,6 +272,7 @@ def reference_motions() -> Iterator[object]:
     derived = rbd.Motion.of_arrays(box, made.t, made.q, noise=1e-6)
     report = rbd.check_motion(derived, ground="fit")
     yield rbd.motion.MotionDifference.of(derived, derived)
+    yield rbd.motion.list_motions("dance.csv", box)
     assert str(report)
     yield from (made, derived, derived.derivation, report, report.lanes)
     yield from (report.settings, report.collisions, report.lanes.points)

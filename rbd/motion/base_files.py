@@ -122,35 +122,37 @@ def of_qpos(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Fram
         raise InputError(f"{path.name}: qpos has shape {qpos.shape}; expected (n, nq).")
     t, told = times_in(file, given, len(qpos))
     width, base, objects = qpos.shape[1], FREE if robot.floating else 0, list[int]()
-    where, listed = _layout(file, robot, width) if given.joints is None else ({}, [])
+    where, frees = _layout(file, robot, width) if given.joints is None else ({}, [])
     if where:
-        starts = [start for start, name in listed if name is None]
-        base, objects = (starts[0], starts[1:]) if robot.floating and starts else (0, starts)
+        before = [start for start in frees if start < min(where.values())]  # the base is the last before the joints
+        base = before[-1] if robot.floating and before else 0
+        objects = [start for start in frees if start != base or not robot.floating]
         names: Sequence[str] = tuple(where)
-        said = list[str]()
-        x = qpos[:, list(where.values())]
+        said, columns = list[str](), np.array(list(where.values()))
     else:
         widths = [len(given.joints)] if given.joints is not None else [len(order) for order in formats(robot).values()]
         count = next((k for k in range(MOST_OBJECTS) if width - base - FREE * k in widths), 0)
         objects = [width - FREE * k for k in range(count, 0, -1)]
-        x = qpos[:, base : width - FREE * count]
-        names, said = _names(file, robot, given, x, f"qpos has {base} columns of the base and")
+        columns = np.arange(base, width - FREE * count)
+        names, said = _names(file, robot, given, qpos[:, columns], f"qpos has {base} columns of the base and")
         base = 0
+    x, frees = qpos[:, columns], [*([base] if robot.floating else []), *objects]
     for start in objects:
-        place = np.ptp(qpos[:, start : start + 3], axis=0).round(2).tolist()
-        said.append(f"columns {start} to {start + FREE - 1} of qpos are of an object, that moves over {place} m, and not read.")
+        moves = np.ptp(qpos[:, start : start + 3], axis=0).round(2).tolist()
+        said.append(f"columns {start} to {start + FREE - 1} of qpos are of an object, that moves over {moves} m, and not read.")
     step = single_step(file.arrays["qpos"])
     place, turn = (qpos[:, base : base + 3], qpos[:, base + 3 : base + FREE]) if robot.floating else (None, None)
     order = given.quaternion or "wxyz"
     held = BaseAndJoints(names, x, place, turn, order, (step, step, step), f"{path.name}: qpos[{{}}]".format)
     found = frames_of(path, robot, given, t, [*said, *told], held)
-    v = _rows(file, "qvel") if "qvel" in file else None
-    same = v is not None and v.ndim == 2 and v.shape[1] == width - len(objects) - robot.floating and not objects
-    return checked_rates_of(file, found, given, names, v[:, -len(names) :] if v is not None and same and not where else None)
+    v = _rows(file, "qvel") if "qvel" in file else np.empty(0)
+    if v.shape != (len(qpos), width - len(frees)):  # a free joint has a velocity less than positions
+        return checked_rates_of(file, found, given, names, None)
+    return checked_rates_of(file, found, given, names, v[:, columns - np.searchsorted(np.sort(frees), columns)])
 
 
-def _layout(file: NamedArrays, robot: CheckedModel, width: int) -> tuple[dict[str, int], list[tuple[int, str | None]]]:
-    """({joint: its column of qpos}, (first column, joint) of all that the file names); empty where names do not fit.
+def _layout(file: NamedArrays, robot: CheckedModel, width: int) -> tuple[dict[str, int], list[int]]:
+    """({joint: its column of qpos}, first columns of free joints) as the file names them; empty where names do not fit.
 
     Names that the robot has not are free joints, of its base and of objects, where the file's own types do not say otherwise.
     """
@@ -173,7 +175,7 @@ def _layout(file: NamedArrays, robot: CheckedModel, width: int) -> tuple[dict[st
             f"{looks_like([name for name, size in zip(listed, sizes, strict=True) if size != FREE])}"
         )
     where = {name: start for name, start, size in zip(known, starts, sizes, strict=True) if name is not None and size == 1}
-    return where, [(start, None if size == FREE else name) for name, start, size in zip(known, starts, sizes, strict=True)]
+    return where, [start for start, size in zip(starts, sizes, strict=True) if size == FREE]
 
 
 def times_in(file: NamedArrays, given: ReadSettings, n: int) -> tuple[Array, list[str]]:

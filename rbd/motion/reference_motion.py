@@ -36,7 +36,6 @@ from rbd.motion.derivation import (
     derivative,
     derivatives,
     derived_again,
-    is_uniform,
     low_passed,
     stencil_derivatives,
 )
@@ -52,7 +51,8 @@ from rbd.motion.file_frames import (
     times_of,
     value_at,
 )
-from rbd.motion.motion_files import a_motion_path, read_frames, write_bodies, write_csv, write_motion
+from rbd.motion.motion_files import read_frames
+from rbd.motion.motion_writing import ToSave, save_motion
 from rbd.motion.rates import checked_rates
 from rbd.motion.symmetry import mirrored, symmetry_of
 from rbd.simulation.trajectory import Trajectory
@@ -210,11 +210,14 @@ class Motion(Displayed):
         - A table of text without a header (.csv, any other suffix): root x y z [m], quaternion, joints in the order of the
           robot's own file, or of a format known by its number of columns, with times [s] in front or without.
         - The same with names in a header: t, root_x, root_y, root_z, root_qx, ..., root_qw, and joints, in any order.
-        - .npz with `fps`, `joint_pos`, `body_pos_w`, `body_quat_w`: the order of its joints is tried and proved by forward
-          kinematics, to a millimetre, or refused.
-        - .npz with `q` and `t`, and `v`, `a`; of `Motion.save`; and trajectories of `rbd`, .npz or .nc.
+        - .npz, pickles and files of joblib, by the names of their arrays: `q` and `t`, and `v`, `a`, of `Motion.save`;
+          `root_pos`, `root_rot`, `dof_pos`, `fps` (GMR, TWIST); `root_trans_offset`, `root_rot`, `dof`, `fps` (PHC, ASAP);
+          `qpos` and its rate (MuJoCo, LocoMuJoCo), also an .npy of it alone; `fps`, `joint_pos`, `body_pos_w`, `body_quat_w`
+          (BeyondMimic, holosoma): the order of its joints is tried and proved by forward kinematics, or refused.
+        - Trajectories of `rbd`, .npz or .nc.
 
-        Pickles are never read.
+        Pickles are read as data: NumPy arrays, dicts, lists, strings and numbers. All else is refused by name; nothing runs.
+        Joints beyond their limits that fit in another unit or order, or with left and right exchanged, are refused.
 
         Args:
             path: The file.
@@ -388,35 +391,37 @@ class Motion(Displayed):
         v, a, how = derivatives(self.robot, self.t, self.q, method="low-pass", cutoff=cutoff, noise=noise)
         return self._changed(f"smoothed by a low-pass at {cutoff:g} Hz.", contacts=self.contacts, q=q, v=v, a=a, derivation=how)
 
-    def save(self, path: str | os.PathLike[str], *, kind: str = "motion", header: bool = True, decimals: int = 6) -> None:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        kind: str = "motion",
+        forces: Array | None = None,
+        header: bool = True,
+        decimals: int = 6,
+    ) -> None:
         """Write it to a file that `read` reads; an existing one is replaced only when the new one is complete.
 
-        Contacts are not stored.
+        Contacts, if it has them, are written beside it in an .npz or .pkl, and not read: `contact_names`, shape (k,),
+        `contact_labels` and `contact_slides`, shape (n, k), `contact_positions`, shape (n, k, 3) [m], and `contact_forces`.
 
         Args:
-            path: Ends in .csv, a table of t and q, or in .npz.
-            kind: Of an .npz: "motion", with t, q, v and a to the last bit; "bodies", as trackers of motions read it: fps,
-                joint_pos, joint_vel, and the poses and velocities of all bodies, joints breadth-first, quaternions w x y z.
+            path: Ends in .csv or .npz; of GMR in .pkl or .npz.
+            kind: "motion": a table of t and q in a .csv, or t, q, v and a to the last bit in an .npz. "beyondmimic", as
+                trackers of motions read it: fps, joint_pos, joint_vel, and the poses and velocities of all bodies, joints
+                breadth-first, quaternions w x y z. "gmr": fps, root_pos, root_rot x y z w, dof_pos, local_body_pos,
+                link_body_list. "mujoco": qpos and qvel, quaternions w x y z, joint_names, frequency.
+            forces: At the contacts, in world axes, shape (n, k, 3) [N], as `MotionReport.forces` has them.
             header: Of a .csv: names and times; False for numbers alone, as most tools for retargeted motions expect.
             decimals: Of a .csv.
 
         Raises:
-            InputError: another suffix, a path that cannot be written, or a robot that this kind of file cannot hold.
+            InputError: another suffix, a path that cannot be written, forces without contacts, or a robot that this kind of
+                file cannot hold.
         """
-        where = a_motion_path(path)
         check_flag("header", header)
-        csv = where.suffix.lower() == ".csv"
-        if not isinstance(kind, str) or kind not in (["motion"] if csv else ["motion", "bodies"]):
-            raise InputError(f"kind is {kind!r:.80}; expected 'motion', or 'bodies' for an .npz.")
-        if csv:
-            write_csv(where, self.robot, self.t, self.q, header=header, decimals=decimals)
-        elif kind == "motion":
-            arrays = {name: getattr(self, name) for name in ("t", "q", "v", "a")}
-            write_motion(where, self.robot, arrays, self.notes, self.derivation, self.ground)
-        elif self.n < 2 or not is_uniform(self.t):
-            raise InputError("such a file has one rate for all frames; resample the motion first: motion.resample(rate).")
-        else:
-            write_bodies(where, self.robot, self.t, self.q, self.v)
+        held = ToSave(self, self.contacts, forces, self.notes, self.derivation, self.ground)
+        save_motion(held, path, kind, header=header, decimals=decimals)
 
     def _changed(self, note: str, **fields: Any) -> Motion:
         """A copy with other arrays, v and a derived again where they are not given; contacts are left out unless given too."""

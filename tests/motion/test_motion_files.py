@@ -109,7 +109,7 @@ class TestRoundTrips:
 
     def test_bodies_over_time(self, dance, g1, tmp_path):
         """Joints breadth-first, as Isaac has them, proved by where all bodies are."""
-        dance.save(tmp_path / "dance.npz", kind="bodies")
+        dance.save(tmp_path / "dance.npz", kind="beyondmimic")
         again = Motion.read(tmp_path / "dance.npz", robot=g1)
         assert np.abs(again.q[:, 7:] - dance.q[:, 7:]).max() < 1e-12
         assert angle_between(again.q[:, 3:7], dance.q[:, 3:7]) < 1e-12
@@ -232,7 +232,7 @@ class TestProvedOrder:
     @pytest.fixture
     def arrays(self, dance, tmp_path) -> dict[str, np.ndarray]:
         """The arrays of a file that trackers read."""
-        dance.save(tmp_path / "dance.npz", kind="bodies")
+        dance.save(tmp_path / "dance.npz", kind="beyondmimic")
         with np.load(tmp_path / "dance.npz") as file:
             return dict(file)
 

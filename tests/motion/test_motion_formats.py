@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import rbd
@@ -64,7 +65,7 @@ def agrees(found: Motion, steps: Motion, tolerance: float = 1e-12) -> bool:
     """Whether q is the same, quaternions up to their sign."""
     sign = np.sign((found.q[:, 3:7] * steps.q[:, 3:7]).sum(axis=1))[:, None]
     other = np.hstack([found.q[:, :3], sign * found.q[:, 3:7], found.q[:, 7:]])
-    return found.n == steps.n and np.abs(other - steps.q).max() < tolerance and abs(found.rate - 60.0) < 1e-9
+    return found.n == steps.n and np.abs(other - steps.q).max() < tolerance and abs(found.rate - 60.0) < 1e-6
 
 
 class TestBaseAndJoints:
@@ -159,11 +160,9 @@ class TestQpos:
         )
         for name, start in (("a.npz", 36), ("b.npz", 0)):
             found = Motion.read(tmp_path / name, robot=g1)
-            if name == "a.npz":
-                assert agrees(found, steps)
-                assert any(
-                    f"columns {start} to {start + 6} of qpos are of an object, that moves over [0.59" in n for n in found.notes
-                )
+            assert agrees(found, steps), name
+            told = f"columns {start} to {start + 6} of qpos are of an object, that moves over [0.59"
+            assert any(told in note for note in found.notes)
 
     def test_loco_mujoco(self, steps, parts, g1, tmp_path):
         """Names of joints, types, a frequency, and arrays of objects that hold nothing."""
@@ -236,7 +235,7 @@ class TestBodies:
 
     def test_holosoma(self, steps, parts, g1, tmp_path):
         """The order of joints is proved by the links that the robot has; an object's arrays are told first."""
-        steps.save(tmp_path / "a.npz", kind="bodies")
+        steps.save(tmp_path / "a.npz", kind="beyondmimic")
         with np.load(tmp_path / "a.npz") as file:
             held = dict(file)
         held["joint_pos"] = np.hstack([parts["pos"], parts["wxyz"], parts["dof"]])
@@ -252,3 +251,68 @@ class TestBodies:
         assert agrees(found, steps, 1e-9)
         assert any("bodies that g1 has no links for are not read: world, largebox_link" in note for note in found.notes)
         assert any("not read: object_pos_w (90, 3)" in n and "what it tells of an object is left out" in n for n in found.notes)
+
+
+class TestWriting:
+    """What other tools read is written, and read here again; contacts and forces stand beside it."""
+
+    @pytest.mark.parametrize(
+        "name", ["a.npz:beyondmimic", "a.npz:gmr", "a.pkl:gmr", "a.npz:mujoco", "a.npz:motion", "a.csv:motion"]
+    )
+    def test_each_kind_is_read_again(self, steps, g1, tmp_path, name):
+        """To the last bit, or to the decimals of the table."""
+        file, kind = name.split(":")
+        steps.save(tmp_path / file, kind=kind)
+        found = Motion.read(tmp_path / file, robot=g1)
+        assert agrees(found, steps, 1e-12 if file != "a.csv" else 2e-6)
+        assert any("rates of q at 60 Hz" in note for note in found.notes) == (kind in ("beyondmimic", "mujoco"))
+
+    def test_bodies_and_velocities_are_those_of_kinematics(self, steps, g1, tmp_path):
+        """Positions of GMR as seen from the base; velocities of bodies are the rates of their positions."""
+        steps.save(tmp_path / "a.pkl", kind="gmr")
+        held = pickle.loads((tmp_path / "a.pkl").read_bytes())
+        k, frame = held["link_body_list"].index("left_knee_link"), g1.frame_id("left_knee_link")
+        data = g1.model.createData()
+        pin.framesForwardKinematics(g1.model, data, steps.q[40])
+        assert np.abs(held["local_body_pos"][40, k] - data.oMi[1].actInv(data.oMf[frame].translation)).max() < 1e-12
+        steps.save(tmp_path / "b.npz", kind="beyondmimic")
+        with np.load(tmp_path / "b.npz") as file:
+            rate = (file["body_pos_w"][41] - file["body_pos_w"][39]) * 30.0
+            assert np.abs(rate - file["body_lin_vel_w"][40]).max() < 0.05
+            assert file["body_quat_w"].shape == (90, 30, 4) and file["body_ang_vel_w"].shape == (90, 30, 3)
+        steps.save(tmp_path / "c.npz", kind="mujoco")
+        with np.load(tmp_path / "c.npz") as file:
+            rate = (file["qpos"][41, :3] - file["qpos"][39, :3]) * 30.0
+            assert np.abs(rate - file["qvel"][40, :3]).max() < 0.05
+
+    @pytest.mark.parametrize("kind", ["motion", "gmr", "beyondmimic", "mujoco"])
+    def test_contacts_and_forces_stand_beside(self, steps, g1, tmp_path, kind):
+        """Names, labels, places and forces of each point; forces without contacts are refused."""
+        report = rbd.check_motion(steps, ground="fit", self_collision=False)
+        steps.with_contacts(report.lanes).save(tmp_path / "a.npz", kind=kind, forces=report.forces)
+        with np.load(tmp_path / "a.npz") as file:
+            assert (file["contact_labels"] == report.lanes.touches).all() and file["contact_labels"].any()
+            assert tuple(file["contact_names"]) == report.lanes.names and (file["contact_forces"] == report.forces).all()
+            assert file["contact_positions"].shape == file["contact_forces"].shape
+        assert agrees(Motion.read(tmp_path / "a.npz", robot=g1), steps)
+        with pytest.raises(InputError, match="the motion has none: motion.with_contacts"):
+            steps.save(tmp_path / "b.npz", kind=kind, forces=report.forces)
+        with pytest.raises(InputError, match="forces has shape"):
+            steps.with_contacts(report.lanes).save(tmp_path / "b.npz", kind=kind, forces=report.forces[1:])
+
+    def test_what_a_kind_cannot_hold(self, steps, tmp_path):
+        """Another ending, another kind, unequal times, no base: refused before a byte is written."""
+        for match, kind, name in (
+            ("a file of kind 'mujoco' ends in .npz", "mujoco", "a.pkl"),
+            ("a file of kind 'gmr' ends in .pkl or .npz", "gmr", "a.csv"),
+            ("kind is 'bodies'", "bodies", "a.npz"),
+        ):
+            with pytest.raises(InputError, match=match):
+                steps.save(tmp_path / name, kind=kind)
+        t = steps.t + 0.002 * np.sin(40.0 * steps.t)
+        with pytest.raises(InputError, match="one rate for all frames"):
+            Motion.of_arrays(steps.robot, t, steps.q).save(tmp_path / "a.npz", kind="gmr")
+        arm = rbd.load_robot("panda", root="fixed")
+        with pytest.raises(InputError, match="no floating base"):
+            Motion.of_arrays(arm, steps.t, np.zeros((90, arm.nq))).save(tmp_path / "a.npz", kind="mujoco")
+        assert not list(tmp_path.iterdir())

@@ -319,7 +319,7 @@ class TestUnits:
 
     def test_those_of_bodies_too(self, dance, tmp_path):
         """In an .npz of bodies."""
-        dance.save(tmp_path / "bodies.npz", kind="bodies")
+        dance.save(tmp_path / "bodies.npz", kind="beyondmimic")
         arrays = dict(np.load(tmp_path / "bodies.npz"))
         arrays["body_quat_w"] = 1.03 * arrays["body_quat_w"]
         np.savez(tmp_path / "long.npz", **arrays)
