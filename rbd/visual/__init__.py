@@ -8,7 +8,7 @@ from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import axes_or_new as axes_or_new, plot_ranges
 from rbd.visual.figures.statics_plots import plot_directions, plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.study_plots import plot_study
-from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report
+from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report, plot_timing
 from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
 from rbd.visual.notebook.page_frames import notebook_page
@@ -54,6 +54,7 @@ __all__ = [
     "plot_report",
     "plot_sticks",
     "plot_study",
+    "plot_timing",
     "plot_wrench_cone",
     "replay",
     "scenes_beside",

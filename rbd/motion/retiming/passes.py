@@ -14,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.motion.retiming.path_sets import PathSet
+from rbd.motion.retiming.path_sets import TOLERANCE, PathSet
 
 CHECKED = (0.0, 0.5, 1.0)
 """Where a step keeps to the sets, in shares of it."""
+_CUTS = 50
+"""Half-planes that are added at most where the largest x of a set is looked for: five are common."""
 _PARALLEL = 1e-12
 _EVEN = 1e-9
 """Bounds that cross by less, over the size of what they bound, are one."""
@@ -49,6 +51,11 @@ class Step:
         sides = np.concatenate([each.sides for each in sets])
         causes = [cause for each in sets for cause in each.causes]
         return cls(normals[:, 0] + along * normals[:, 1], normals[:, 1], sides, causes, h)
+
+    @classmethod
+    def standing(cls, own: PathSet) -> Step:
+        """Of one set, without a step."""
+        return cls(own.normals[:, 0], own.normals[:, 1], own.sides, own.causes, 0.0)
 
     @lazy
     def rests(self) -> Array:
@@ -95,10 +102,25 @@ class Step:
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.where(up, room / self.a, np.inf)
             low = np.where(down, room / self.a, -np.inf)
-        u = min(float(ends.min(initial=np.inf)), (most - x) / (2.0 * self.h))
-        u = max(u, min(float(low.max(initial=-np.inf)), (most - x) / (2.0 * self.h)))
+        leads = (most - x) / (2.0 * self.h) if self.h else np.inf
+        u = min(float(ends.min(initial=np.inf)), leads)
+        u = max(u, min(float(low.max(initial=-np.inf)), leads))
+        u = u if np.isfinite(u) else 0.0
         near = (room - self.a * u) / np.maximum(np.maximum(np.abs(self.c), np.abs(self.a * u)), 1.0)
         return u, self.causes[int(np.where(self.rests, np.inf, near).argmin())]
+
+
+def fastest_alone(own: PathSet) -> float:
+    """The largest x of a set, whatever the u; NaN of an empty one."""
+    for _ in range(_CUTS):
+        step = Step.standing(own)
+        least, x = step.before(0.0, np.inf)
+        if own.empty or least > x:
+            return np.nan
+        u = step.fastest(x, np.inf)[0]
+        if own.separate(np.array([u, x])) <= 2.0 * TOLERANCE:
+            break
+    return x
 
 
 def controllable(steps: Sequence[Step], end: tuple[float, float]) -> tuple[Array, int]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.arrays import Array, check_number
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.errors.inputs import check_kind
 from rbd.motion.causes import without_balance
@@ -18,16 +19,24 @@ from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.file_frames import check_rate, times_of
 from rbd.motion.frame_terms import FrameTerms, check_robot, wrench_scale
 from rbd.motion.reference_motion import Motion
-from rbd.motion.retiming.passes import CHECKED, Step, controllable, fastest
+from rbd.motion.retiming.passes import CHECKED, Step, controllable, fastest, fastest_alone
 from rbd.motion.retiming.path_sets import SLACK, PathLimits, PathSets
 from rbd.workers import one_blas_thread
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 BETWEEN = (0.25, 0.75)
 """Where a step is tested besides, in shares of it ..."""
 NEAR = 2e-3
 """... and is halved if it is outside the sets there by more, in shares of weight and limits."""
 HALVINGS = 12
+"""Times that steps are halved."""
+AROUND, FINEST = 10, 0.125
+"""So many steps before and after one that cannot be done are halved, down to an eighth of a frame."""
 ROUNDS = 200
+"""Passes over the grid, each of which adds half-planes; ten are common."""
 STILL = 1e-6
 """A path whose v are smaller is at rest."""
 _NUDGED, _SMALL = 0.01, 0.002
@@ -90,6 +99,14 @@ class Timing(Displayed):
         for cause, span in zip(self.causes, np.diff(self.t), strict=True):
             out[cause] = out.get(cause, 0.0) + float(span) / self.duration
         return dict(sorted(out.items(), key=lambda item: -item[1]))
+
+    def most(self) -> Array:
+        """The largest s' that each of the points allows by itself, shape (n + 1,): the maximum velocity curve."""
+        return np.sqrt([fastest_alone(each) for each in self.sets.at(self.places)])
+
+    def plot(self, ax: Axes | None = None) -> list[Artist]:
+        """S' along the path below `most`, and what bounds it; see `rbd.visual.plot_timing`."""
+        return drawing("plot_timing")(ax, self)
 
     def motion(self, rate: float | None = None) -> Motion:
         """The motion with this timing, at a rate [Hz], by default its own; contacts are carried along.
@@ -256,6 +273,14 @@ def _speeds(motion: Motion) -> Array:
     return limit
 
 
+class _Stuck(NoSolution):
+    """A step that cannot be done: perhaps, because it is too long."""
+
+    def __init__(self, why: str, step: int) -> None:
+        super().__init__(why)
+        self.step = step
+
+
 def _found(sets: PathSets, ends: list[float], rests: list[bool]) -> Timing:
     places = np.arange(float(sets.motion.n))
     most, n = sets.limits.pace**2, sets.motion.n
@@ -264,7 +289,14 @@ def _found(sets: PathSets, ends: list[float], rests: list[bool]) -> Timing:
         if end == 0.0 and sets.stands(place) > NEAR:
             raise _no_pose(sets, place, "no timing is at rest")
     for halving in range(HALVINGS + 1):
-        x, u, causes = _converged(sets, places, first, last)
+        try:
+            x, u, causes = _converged(sets, places, first, last)
+        except _Stuck as stuck:
+            near = np.arange(max(stuck.step - AROUND, 0), min(stuck.step + AROUND + 1, len(places) - 1))
+            if halving == HALVINGS or places[stuck.step + 1] - places[stuck.step] <= FINEST:
+                raise NoSolution(str(stuck)) from None
+            places = np.sort(np.concatenate([places, 0.5 * (places[near] + places[near + 1])]))
+            continue
         h = np.diff(sets.time(places))
         at = np.concatenate([places[:-1] + share * np.diff(places) for share in BETWEEN])
         p = np.concatenate([np.stack([u, x[:-1] + 2.0 * h * share * u], axis=1) for share in BETWEEN])
@@ -322,8 +354,7 @@ def _no_way(
     for share in CHECKED:
         place = float(places[j] + share * (places[j + 1] - places[j]))
         own = sets.at(np.array([place]))[0]
-        alone = Step.of([own] * len(CHECKED), 0.0).before(0.0, np.inf)
-        if own.empty or alone[0] > alone[1]:
+        if np.isnan(fastest_alone(own)):
             return _no_pose(sets, place)
     (here, there), least, most = sets.time(places[j : j + 2]), float(reach[first, 0]), float(reach[first, 1])
     against = steps[j].against(least, most)
@@ -332,9 +363,10 @@ def _no_way(
         against = (against - {"balance"}) | set(_unbalanced(sets, middle, p))
     low, high = np.sqrt(np.maximum(steps[j].before(0.0, sets.limits.pace**2), 0.0))
     can = f"{low:.4g} to {high:.4g}" if low <= high else "nothing"
-    return NoSolution(
+    return _Stuck(
         f"no timing goes on from {here:.4g} s (frame {places[j]:g}): s' can be {can} there, must be {np.sqrt(least):.4g} to "
-        f"{np.sqrt(most):.4g} at {there:.4g} s, and cannot change so fast: {', '.join(sorted(against))}."
+        f"{np.sqrt(most):.4g} at {there:.4g} s, and cannot change so fast: {', '.join(sorted(against))}.",
+        j,
     )
 
 

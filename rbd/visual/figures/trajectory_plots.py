@@ -18,9 +18,10 @@ from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.motion.report import MotionReport
+from rbd.motion.retiming.timing import Timing
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.figures.plots import an_axis, cut_peaks, frame
+from rbd.visual.figures.plots import an_axis, axes_or_new, cut_peaks, frame
 from rbd.visual.playback.curves import GREY, CurveChart
 from rbd.visual.playback.report_motion import report_charts
 from rbd.visual.playback.trajectory_charts import energy_curves
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 _BOLD, _FINE, _HAIR = 1.7, 0.9, 0.6
 """Line widths of main curves, of secondary curves, of marks [points]."""
 _GREY = "0.45"
+_CAUSES = 5
+"""Causes of a timing that have a colour."""
 _ROW = 0.045
 """Height of a contact's band, as a share of the axes' height."""
 _MODES: dict[str, dict[str, Any]] = {
@@ -223,6 +226,47 @@ def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> lis
         ax.set(ylim=(low, high), xlim=(float(t[0]), float(t[-1])))
         ax.legend(frameon=False, fontsize=8, ncols=2)
     given[-1].set_xlabel("time [s]")
+    return drawn
+
+
+def plot_timing(ax: Axes | None, timing: Timing) -> list[Artist]:
+    """How much faster than it was a motion is along its path, s', below the largest s' that each of its points allows by itself.
+
+    The line has a colour for each of the causes that bind it longest; the others are grey.
+
+    Args:
+        ax: Matplotlib axes; None: those of a new figure of pyplot.
+        timing: What `rbd.motion.find_timing` returned.
+
+    Returns:
+        The line of the largest s', that of s' = 1, then the coloured ones.
+
+    Raises:
+        InputError: no timing, or what are no axes; no Matplotlib.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> arm = arm.with_motors({"joint_1": rbd.Motor(limit=8.0)})
+        >>> motion = rbd.motion.minimum_jerk(arm, [np.array([-1.5]), np.array([0.0])], [0.0, 0.6])
+        >>> [line.get_label() for line in rbd.visual.plot_timing(None, rbd.motion.find_timing(motion))]
+        ['possible by itself', 'as it was', 'pace', 'motor of joint_1']
+    """
+    check_kind("timing", timing, Timing, "what rbd.motion.find_timing returned")
+    ax, s, shares = axes_or_new(ax), timing.s, timing.shares()
+    an_axis(ax)
+    drawn: list[Artist] = ax.plot(s, timing.most(), color=_GREY, lw=_FINE, ls="--", label="possible by itself", zorder=2)
+    drawn.append(ax.axhline(1.0, color=_GREY, lw=_HAIR, label="as it was", zorder=1))
+    causes, named = np.array(timing.causes), list(shares)[:_CAUSES]
+    for name, color in zip([*named, ""], [*CONTACT_COLORS[: len(named)], _GREY], strict=True):
+        own = causes == name if name else ~np.isin(causes, named)
+        ends = np.concatenate([own, [False]]) | np.concatenate([[False], own])
+        if own.any():
+            gaps = np.where(ends, timing.pace, np.nan)
+            drawn += ax.plot(s, gaps, color=color, lw=_BOLD, label=name or "other", zorder=3)
+    top = 1.25 * max(float(timing.pace.max()), 1.0)
+    ax.set(xlim=(s[0], s[-1]), ylim=(0.0, top), xlabel="time as it was, s [s]", ylabel="pace s' [1]")
+    frame(ax, "y")
+    ax.legend(frameon=False, fontsize=8, ncols=2)
     return drawn
 
 
