@@ -95,6 +95,15 @@ def where_it_can_stand() -> Path:
     return PICTURES / "where_it_can_stand.png"
 
 
+def motion_timing() -> Path:
+    """The pace of `docs/reference/motions.md`: G1 leans, the least slowed timing and the fastest one."""
+    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
+    for ax, most in zip(figure.subplots(1, 2), (1.0, 3.0), strict=True):
+        rbd.motion.find_timing(scenes.lean(1.0), fastest=most).plot(ax)
+    figure.savefig(PICTURES / "motion_timing.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "motion_timing.png"
+
+
 def plot(picture: str, example: str, draw: str, size: tuple[float, float], *axes: int, sharex: bool = False) -> Path:
     """A plot of an example, drawn on axes of ours by the example's own function."""
     figure = Figure(figsize=size, layout="constrained")
@@ -323,6 +332,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
         for f in (
             poses,
             where_it_can_stand,
+            motion_timing,
             inverse_dynamics,
             control,
             motors,

@@ -78,7 +78,7 @@ def tipping(page: Path) -> Path:
     return result("17_sliding_box").tipped[0.6].export(page)
 
 
-def _lean(speed: float) -> rbd.Motion:
+def lean(speed: float) -> rbd.Motion:
     """G1 raises its arms and leans, in 2.2 s over the speed."""
     g1 = rbd.load_robot("g1")
     stands = g1.standing().q
@@ -92,12 +92,12 @@ def _lean(speed: float) -> rbd.Motion:
 
 def motion_check(page: Path) -> Path:
     """The page of `docs/reference/motions.md`: G1 raises its arms and leans, at the frame in which most is missing."""
-    return rbd.check_motion(_lean(1.0)).export(page, title="G1 leans forward", arrow_per_weight=0.8)
+    return rbd.check_motion(lean(1.0)).export(page, title="G1 leans forward", arrow_per_weight=0.8)
 
 
 def nearest_motion(page: Path) -> Path:
     """The page of `docs/tasks/check_a_motion_file.md`: G1 leans at twice the speed, the motion nearest to it, and both."""
-    motion = _lean(2.0)
+    motion = lean(2.0)
     nearest = rbd.check_motion(rbd.check_motion(motion).nearest_motion(progress=False))
     return nearest.export(page, title="the motion nearest to G1's lean", ghost=motion, start=0.55, arrow_per_weight=0.8)
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -169,7 +170,7 @@ def test_a_motion_that_tips_is_slowed_where_it_tips_and_is_possible_then(swing: 
     after = check_motion(timing.motion(), self_collision=False)
     assert before.share_possible < 0.95 and after.share_possible == 1.0
     assert timing.duration < 1.1 * swing.duration and timing.pace.max() <= 1.0 + 1e-9
-    assert timing.shares()["pace"] > 0.6 and sum(timing.shares().values()) == pytest.approx(1.0)
+    assert timing.shares()["fastest"] > 0.6 and sum(timing.shares().values()) == pytest.approx(1.0)
     assert "retimed from 2.2 to" in timing.motion().notes[-1] and timing.between < 2e-3
     fast = find_timing(swing, fastest=3.0)
     assert fast.duration < 0.8 * swing.duration
@@ -287,6 +288,62 @@ def test_steps_keep_to_the_sets_at_ends_and_middle(swing: Motion) -> None:
     s, pace, _ = timing.at(t)
     assert np.abs(np.gradient(s, t)[2:-2] - pace[2:-2]).max() < 0.05
     assert s[0] == timing.s[0] and abs(s[-1] - timing.s[-1]) < 1e-9
+
+
+def faster(motion: Motion, times: float) -> Motion:
+    """The same path, so many times as fast, on the same contacts."""
+    t = motion.t / times
+    lanes = find_contacts(motion)
+    made = Motion.of_arrays(motion.robot, t, motion.q, motion.v * times, motion.a * times**2, quaternion="xyzw", trust=True)
+    return made.with_contacts(replace(lanes, t=t, slides=np.zeros_like(lanes.slides)))
+
+
+def test_a_walk_that_is_too_fast_is_slowed_step_by_step(four_steps: rbd.Trajectory) -> None:
+    """Contacts change on the way: half of the frames are possible at one and a half times the speed, all once it is retimed."""
+    walk = faster(Motion.of_trajectory(four_steps).resample(60.0), 1.5)
+    assert check_motion(walk, self_collision=False).share_possible < 0.6
+    timing = find_timing(walk)
+    after = check_motion(timing.motion(), self_collision=False)
+    assert after.share_possible > 0.98 and timing.duration < 1.2 * walk.duration
+    # the walk as it was is a timing of this path, so the least slowed one is no slower
+    assert timing.duration < four_steps.t[-1] - four_steps.t[0]
+
+
+def test_a_quadruped_that_leans_too_fast_is_slowed() -> None:
+    """Solo12, its base to and fro over its feet."""
+    solo = rbd.load_robot("solo12")
+    standing, frames = solo.standing(), [foot.frame for foot in solo.feet()]
+    goals = [standing.frame(name).X_WF.translation for name in frames]
+
+    def leaning(t: float) -> np.ndarray:
+        state, base = standing, standing.q[:3] + [0.05 * math.sin(2.0 * math.pi * t / 0.3) ** 2, 0.0, -0.03]
+        for _ in range(30):
+            J = np.concatenate([*(state.frame(name).J[:3] for name in frames), np.eye(solo.nv)[:6]])
+            feet = [goal - state.frame(name).X_WF.translation for name, goal in zip(frames, goals, strict=True)]
+            R = state.base_pose().rotation
+            off = np.concatenate([*feet, R.T @ (base - state.q[:3]), -pin.log3(R)])
+            state = rbd.State(solo, pin.integrate(solo.model, state.q, np.linalg.lstsq(J, off, rcond=1e-9)[0]))
+        return state.q
+
+    motion = Motion.from_function(solo, leaning, np.linspace(0.0, 0.3, 19))
+    timing = find_timing(motion)
+    before, after = (check_motion(each, self_collision=False) for each in (motion, timing.motion()))
+    balance = [
+        np.array([r.of_cause(c) for c in ("floats", "friction", "tips", "motor")]).any(axis=0).mean() for r in (before, after)
+    ]
+    assert balance[0] > 0.3 and balance[1] < 0.05
+
+
+def test_the_largest_pace_of_a_point_is_a_bound_and_is_reached(swing: Motion) -> None:
+    """Above the timing everywhere; possible with some s'', and not if it is larger by a hundredth."""
+    timing = find_timing(swing, fastest=3.0)
+    most = timing.most()
+    assert (timing.pace <= most * (1.0 + 1e-3)).all()
+    i = int(most.argmin())
+    own = timing.sets.at(timing.places[i : i + 1])[0]
+    u = np.linspace(-60.0, 60.0, 4001)
+    beyond = [min(own.beyond(np.array([each, (most[i] * k) ** 2])) for each in u) for k in (0.99, 1.01)]
+    assert beyond[0] < 1e-3 < beyond[1]
 
 
 @pytest.mark.parametrize(

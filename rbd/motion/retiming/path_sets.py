@@ -66,7 +66,7 @@ class PathSet:
     Attributes:
         normals: Of the half-planes normals . (u, x) <= sides, shape (r, 2).
         sides: Shape (r,).
-        causes: What each of them stands for: "pace", "speed limit of ...", "motor of ...", "balance".
+        causes: What each of them stands for: "fastest", "speed limit of ...", "motor of ...", "balance".
         program: Of contact forces and (u, x) over `scale`; None where no force can act: the half-planes are then the set.
         scale: What the program's (u, x) are divided by, shape (2,).
         metric: Their inner product, shape (2, 2).
@@ -216,7 +216,7 @@ class PathSets:
             t, K = torque[i, 0, own], torque[i, 1:, own]
             normals, sides = [K, -K, [[0.0, -1.0], [0.0, limits.pace**-2.0]]], [1.0 - t, 1.0 + t, [0.0, 1.0]]
             free = [f"motor of {names[j]}" for j in np.flatnonzero(own)]
-            causes = [*free, *free, "rest", "pace"]
+            causes = [*free, *free, "rest", "fastest"]
             j = int(fast[i].argmin())
             if np.isfinite(fast[i, j]):
                 normals, sides = [*normals, [[0.0, 1.0 / fast[i, j]]]], [*sides, [1.0]]

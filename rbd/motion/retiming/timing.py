@@ -55,7 +55,7 @@ class Timing(Displayed):
         pace: S', how much faster than it was, shape (n + 1,).
         rise: S'' from each point to the next, shape (n,) [1/s].
         causes: What bounds each of these steps, "motor of left_knee_joint", "speed limit of ...", "tips", "friction", "floats",
-            or "pace", shape (n,).
+            or "fastest", shape (n,).
         between: How far it is outside the sets between the points that were kept to, at most, in shares of weight and limits.
 
     Example:
@@ -64,7 +64,7 @@ class Timing(Displayed):
         >>> motion = rbd.motion.minimum_jerk(arm, [np.array([-1.5]), np.array([0.0])], [0.0, 0.6])
         >>> timing = rbd.motion.find_timing(motion)
         >>> print(f"{timing.duration:.2f} s, bound by", list(timing.shares()))
-        0.61 s, bound by ['pace', 'motor of joint_1']
+        0.61 s, bound by ['fastest', 'motor of joint_1']
     """
 
     sets: PathSets
@@ -224,7 +224,7 @@ def find_timing(
         >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
         >>> motion = rbd.motion.minimum_jerk(arm, [np.array([0.0]), np.array([1.0])], [0.0, 1.0])
         >>> print(rbd.motion.find_timing(motion, fastest=2.0))
-        0.5 s instead of 1 s, paces 2 to 2; pace in 100 % of the time
+        0.5 s instead of 1 s, paces 2 to 2; fastest in 100 % of the time
     """
     check_kind("motion", motion, Motion, "an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1')")
     if motion.n < 2:

@@ -230,7 +230,7 @@ def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> lis
 
 
 def plot_timing(ax: Axes | None, timing: Timing) -> list[Artist]:
-    """How much faster than it was a motion is along its path, s', below the largest s' that each of its points allows by itself.
+    """How much faster than it was a motion is along its path, s', below the largest s' that each point allows by itself.
 
     The line has a colour for each of the causes that bind it longest; the others are grey.
 
@@ -249,12 +249,13 @@ def plot_timing(ax: Axes | None, timing: Timing) -> list[Artist]:
         >>> arm = arm.with_motors({"joint_1": rbd.Motor(limit=8.0)})
         >>> motion = rbd.motion.minimum_jerk(arm, [np.array([-1.5]), np.array([0.0])], [0.0, 0.6])
         >>> [line.get_label() for line in rbd.visual.plot_timing(None, rbd.motion.find_timing(motion))]
-        ['possible by itself', 'as it was', 'pace', 'motor of joint_1']
+        ['possible by itself', 'as it was', 'fastest', 'motor of joint_1']
     """
     check_kind("timing", timing, Timing, "what rbd.motion.find_timing returned")
     ax, s, shares = axes_or_new(ax), timing.s, timing.shares()
     an_axis(ax)
-    drawn: list[Artist] = ax.plot(s, timing.most(), color=_GREY, lw=_FINE, ls="--", label="possible by itself", zorder=2)
+    drawn: list[Artist] = []
+    drawn += ax.plot(s, timing.most(), color=_GREY, lw=_FINE, ls="--", label="possible by itself", zorder=2)
     drawn.append(ax.axhline(1.0, color=_GREY, lw=_HAIR, label="as it was", zorder=1))
     causes, named = np.array(timing.causes), list(shares)[:_CAUSES]
     for name, color in zip([*named, ""], [*CONTACT_COLORS[: len(named)], _GREY], strict=True):
@@ -263,10 +264,10 @@ def plot_timing(ax: Axes | None, timing: Timing) -> list[Artist]:
         if own.any():
             gaps = np.where(ends, timing.pace, np.nan)
             drawn += ax.plot(s, gaps, color=color, lw=_BOLD, label=name or "other", zorder=3)
-    top = 1.25 * max(float(timing.pace.max()), 1.0)
+    top = 1.05 * max(float(timing.pace.max()), 1.0)
     ax.set(xlim=(s[0], s[-1]), ylim=(0.0, top), xlabel="time as it was, s [s]", ylabel="pace s' [1]")
     frame(ax, "y")
-    ax.legend(frameon=False, fontsize=8, ncols=2)
+    ax.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return drawn
 
 
