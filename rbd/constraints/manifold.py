@@ -30,6 +30,9 @@ RANK = 1e-8
 CLOSED = 1e-9
 """Largest constraint violation [m, rad, over the rows' lengths] of an assembled configuration."""
 
+ZERO = 1e-9
+"""Singular values below this fraction of the largest count as zero."""
+
 ITERATIONS = 100
 
 RowName = tuple[str, int]
@@ -115,6 +118,13 @@ class StackedRows:
     def W(self) -> Array:
         """L^-1 J^T, shape (nv, m)."""
         return blas.dtrsm(1.0, self.L, self.J.T, lower=1)
+
+    @lazy
+    def inverse(self) -> Array:
+        """The pseudo-inverse of W, shape (m, nv)."""
+        U, s, Vt = np.linalg.svd(self.W, full_matrices=False)
+        kept = s > ZERO * s[:1]
+        return np.asarray((Vt[kept].T / s[kept]) @ U[:, kept].T)
 
     @lazy
     def delassus(self) -> Array:

@@ -3,6 +3,7 @@
 from functools import partial as _partial
 
 from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.following import follow
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.motion_limits import Limits
 from rbd.control.posture_control import HoldPosture
@@ -41,6 +42,7 @@ __all__ = [
     "Violation",
     "WholeBodyController",
     "ZeroOrderHold",
+    "follow",
     "inverse_dynamics_many",
     "step",
 ]

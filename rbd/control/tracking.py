@@ -29,10 +29,16 @@ from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import SampledAccelerations, cubic, cubic_rate, interpolated_q
 from rbd.model.state import State
+from rbd.problem.conic import ConicAnswer
+from rbd.problem.contact_motion import REST_SPEED
 from rbd.records import joined
+from rbd.statics.wanted_motion import MARGIN, EffortChoice, WantedMotion
 
 NEAR = 1e-3
 """A contact of the reference whose nearest point is this near [m] touches."""
+NEAREST_EVERY = 0.02
+"""Where the motors cannot make the motion, nearest possible accelerations are computed this far apart [s]."""
+_LEAST_EFFORT = EffortChoice.of(None, "cone", MARGIN, REST_SPEED, holds=False)
 _TOLD = 6  # stretches of time that a message names
 
 
@@ -57,6 +63,16 @@ class TorqueReference:
     tau: Array
     changed: Array
     moved: float
+
+
+def checked_motion(motion: SampledAccelerations) -> None:
+    """Refuse what has not a robot, t, q, v and a.
+
+    Raises:
+        InputError: naming it.
+    """
+    if not isinstance(getattr(motion, "robot", None), CheckedModel) or not all(hasattr(motion, x) for x in "tqva"):
+        raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
 
 
 def sampled(motion: SampledAccelerations, longest: float) -> tuple[Array, Array, Array, Array]:
@@ -108,19 +124,16 @@ def reference_of(
     if torques == "weight":
         v, a = np.zeros_like(v), np.zeros_like(a)
     v, a, moved = _kept(robot, q, v, a, contacts, touching)
-    tau = np.zeros((len(t), robot.nu))
-    refused: dict[int, str] = {}
+    tau, refused = np.zeros((len(t), robot.nu)), dict[int, str]()
     if torques != "none":
         for chosen, run in groupby(range(len(t)), touching.__getitem__):
-            at = np.fromiter(run, int)
-            some = [contacts[i] for i in chosen]
-            found = inverse_dynamics_many(robot, q[at], v[at], a[at], some, loops=False)
-            tau[at] = found.tau
-            refused.update({int(at[i]): reason for i, reason in found.reasons.items()})
+            at, some = np.fromiter(run, int), tuple([contacts[i] for i in chosen])
+            if torques == "nearest":
+                refused.update(dict.fromkeys(_nearest(robot, t, q, v, a, tau, at, some), ""))
+            else:
+                refused.update(_possible(robot, q, v, a, tau, at, some))
     if refused and torques != "nearest":
         _refuse(motion, contacts, touching, (t, q, v, a), refused)
-    for i in refused:
-        tau[i], a[i] = _nearest(robot, q[i], v[i], a[i], [contacts[k] for k in touching[i]])
     # Of the torques without dynamics only the torques are: the reference moves as before.
     if torques == "weight":
         v, a, moved = _kept(robot, q, samples[2], samples[3], contacts, touching)
@@ -142,13 +155,41 @@ def _kept(
     return v, a, moved
 
 
-def _nearest(robot: CheckedModel, q: Array, v: Array, a: Array, contacts: Sequence[Constraint]) -> tuple[Array, Array]:
-    """(torques, accelerations) of the nearest possible acceleration; without contacts those that gravity leaves."""
-    try:
-        found: Any = inverse_dynamics(State(robot, q, v), a, contacts, loops=False)
-    except CannotMove as error:
-        found = error.nearest()
-    return found.tau, found.a
+def _possible(
+    robot: CheckedModel, q: Array, v: Array, a: Array, tau: Array, at: Array, contacts: Sequence[Constraint]
+) -> dict[int, str]:
+    """Write the torques of some samples; {sample: reason} of those that have none."""
+    if not len(at):
+        return {}
+    found = inverse_dynamics_many(robot, q[at], v[at], a[at], contacts, loops=False)
+    tau[at] = found.tau
+    return {int(at[i]): reason for i, reason in found.reasons.items()}
+
+
+def _nearest(
+    robot: CheckedModel, t: Array, q: Array, v: Array, a: Array, tau: Array, at: Array, contacts: tuple[Constraint, ...]
+) -> list[int]:
+    """Write torques, and accelerations, of the nearest possible motion over samples of the same contacts; those that changed.
+
+    Between two samples `NEAREST_EVERY` apart that both have no torques of their own both are linear.
+    """
+    share = np.floor((t[at] - t[at[0]]) / NEAREST_EVERY + 1e-6)
+    coarse = at[np.unique(np.append(np.unique(share, return_index=True)[1], len(at) - 1))]
+    bad = np.isin(at, list(_possible(robot, q, v, a, tau, coarse, contacts)))
+    before = np.searchsorted(coarse, at, side="right") - 1
+    after = np.minimum(before + 1, len(coarse) - 1)
+    inside = bad[coarse[before] - at[0]] & bad[coarse[after] - at[0]] & ~np.isin(at, coarse)
+    bad |= np.isin(at, list(_possible(robot, q, v, a, tau, at[~inside & ~np.isin(at, coarse)], contacts)))
+    known: list[ConicAnswer] = []
+    for i in at[bad].tolist():  # each from the one before
+        wanted = WantedMotion.of(State(robot, q[i], v[i]), a[i], contacts, None, _LEAST_EFFORT)
+        found = wanted.nearest(MARGIN, known)
+        tau[i], a[i] = found.tau, found.a
+    one, other = coarse[before[inside]], coarse[after[inside]]
+    s = ((t[at[inside]] - t[one]) / (t[other] - t[one]))[:, None]
+    for x in (tau, a):
+        x[at[inside]] = (1.0 - s) * x[one] + s * x[other]
+    return np.concatenate([at[bad], at[inside]]).tolist()
 
 
 def _refuse(
@@ -214,7 +255,8 @@ class TrackingController(Displayed):
         stiffness: In place of the frequency: of each motor, a number or shape (nu,) [N/m, N m/rad].
         damping: With stiffness: of each motor, a number or shape (nu,) [N s/m, N m s/rad].
         torques: "exact": inverse dynamics, an error where it has no answer. "nearest": there, the torques of the nearest
-            possible acceleration. "weight": those that hold each pose at rest. "none": feedback alone.
+            possible acceleration, 20 ms apart and linear between them. "weight": those that hold each pose at rest. "none":
+            feedback alone.
         every: Time between computed torques [s], which are linear between them.
         robot: The model with which it computes, of the same joints as the motion's robot; another such robot can then be
             simulated, as a heavier one. None: the motion's, and that is simulated.
@@ -255,8 +297,7 @@ class TrackingController(Displayed):
 
     def __post_init__(self) -> None:
         motion = self.motion
-        if not isinstance(getattr(motion, "robot", None), CheckedModel) or not all(hasattr(motion, x) for x in "tqva"):
-            raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
+        checked_motion(motion)
         check_choice("torques", self.torques, ("exact", "nearest", "weight", "none"))
         check_oscillation("TrackingController", self.frequency, self.damping_ratio)
         check_number("every", self.every, 1e-5, 1e6, expected="a time of 1e-5 s or more")

@@ -28,7 +28,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, blas, check_positive, check_whole, inertia_factor, lapack, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.manifold import StackedRows, own_or
+from rbd.constraints.manifold import ZERO, StackedRows, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularInertia
 from rbd.errors.inputs import check_different
@@ -37,8 +37,6 @@ from rbd.problem.cones import Bounds
 from rbd.problem.rows import by_rows
 from rbd.solvers.kkt import independent_factor
 
-ZERO = 1e-9
-"""Singular values below this fraction of the largest count as zero."""
 MET = 1e-9
 """Tolerance of the rows at a projected velocity, over the largest sum of terms in a row."""
 FARTHEST = 0.5
@@ -253,7 +251,7 @@ def project_acceleration(
         return ProjectedAcceleration(given, {}, 0.0, 0.0)
     nearest = _nearest(stack, given, -stack.offset, "acceleration", "m/s2 (rad/s2)")
     pushed = state.M @ (nearest - given)
-    f = np.linalg.lstsq(stack.W, blas.dtrsv(stack.L, pushed, lower=1), rcond=ZERO)[0]
+    f = stack.inverse @ blas.dtrsv(stack.L, pushed, lower=1)
     forces = {r.name: part for r, part in by_rows(stack.rows, f)}
     residual, missed = max_abs(pushed - stack.J.T @ f), max_abs(stack.J @ nearest + stack.offset)
     return ProjectedAcceleration(nearest, forces, residual, missed)
@@ -275,11 +273,11 @@ def _nearest(stack: StackedRows, x: Array, wanted: Array, what: str, unit: str) 
     """
     given, robot = x, stack.state.robot
     try:
-        J, W = stack.J, stack.W
+        J, inverse = stack.J, stack.inverse
     except SingularInertia as error:
         raise SingularInertia(f"M of {robot.name} is not positive definite at this state: {error}") from None
     for _ in range(3):  # once is exact except for rounding, which is large for ill-conditioned M or J
-        y = np.linalg.lstsq(W.T, J @ x - wanted, rcond=ZERO)[0]  # of least norm: of least |x - given| in M
+        y = (J @ x - wanted) @ inverse  # of least norm: of least |x - given| in M
         x = x - blas.dtrsv(stack.L, y, lower=1, trans=1)
     size = max(1e-300, max_abs(np.abs(J) @ np.abs(x)), max_abs(np.abs(J) @ np.abs(given)), max_abs(wanted))
     off = np.abs(J @ x - wanted)

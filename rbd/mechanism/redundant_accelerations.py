@@ -37,9 +37,9 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, blas, lapack, lazy, max_abs
-from rbd.constraints.manifold import StackedRows, poses_nearby
+from rbd.constraints.manifold import ZERO, StackedRows, poses_nearby
 from rbd.errors import InputError, NoSolution
-from rbd.mechanism.projection import ZERO, correction
+from rbd.mechanism.projection import correction
 
 INDEPENDENT = 1e-2
 """Pivots of Cholesky's factor above this, over the rows' norms: well conditioned."""

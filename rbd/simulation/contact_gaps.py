@@ -15,8 +15,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from rbd.arrays import Array, each_times, inertia_factor, lazy, max_abs
+from rbd.constraints.manifold import ZERO
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.mechanism.projection import ZERO, Projection, correction, project_position
+from rbd.mechanism.projection import Projection, correction, project_position
 from rbd.mechanism.redundant_accelerations import OWED
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State

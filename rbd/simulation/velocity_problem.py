@@ -23,8 +23,8 @@ import numpy as np
 
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, blas, inertia_factor, is_finite, lapack, max_abs
+from rbd.constraints.manifold import ZERO
 from rbd.errors import NoSolution
-from rbd.mechanism.projection import ZERO
 from rbd.mechanism.redundant_accelerations import CONTRADICTION, INDEPENDENT, OWED
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State

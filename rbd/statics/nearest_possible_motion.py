@@ -13,7 +13,7 @@ from rbd.displayed import Displayed
 from rbd.model.urdf import grouped
 from rbd.problem.conic import Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import Outcome
-from rbd.solvers.conic_newton import solve_conic
+from rbd.solvers.conic_newton import newton_steps, solve_conic
 from rbd.statics.effort import POSSIBLE, Effort
 from rbd.statics.force_balance import ForceBalance
 
@@ -171,8 +171,9 @@ def _is_near(found: ConicAnswer) -> bool:
 
 
 def nearest_possible(
-    loads: ForceBalance, a: Array, rhs: Array, still: Array, offset: Array, effort: Effort
-) -> tuple[Array, Array] | Outcome:
+    loads: ForceBalance, a: Array, rhs: Array, still: Array, offset: Array, effort: Effort,
+    before: list[ConicAnswer] | None = None,
+) -> tuple[Array, Array] | Outcome:  # fmt: skip
     """(a, weights [N]) of the reachable acceleration nearest in the inertia metric, all contacts as they are; or why none.
 
         minimise 1/2 |a' - a|_M^2  subject to  M a' = S^T tau + rhs + J^T G w,  H^T J a' + offset = 0,  |tau| <= limit
@@ -184,6 +185,7 @@ def nearest_possible(
         still: Columns of accelerations that stay zero, H^T J, shape (s, nv).
         offset: Their part at rest, shape (s,).
         effort: What the forces must keep to.
+        before: The last answer of a similar motion, from which Newton's method starts; this one takes its place.
     """
     robot, unit = loads.state.robot, loads.unit
     M = loads.state.M
@@ -208,9 +210,14 @@ def nearest_possible(
     )  # fmt: skip
     top = np.maximum(np.abs(program.A).max(axis=1, initial=0.0), 1e-300)
     live = top > 1e-12
-    found = solve_conic(
-        replace(program, A=program.A[live] / top[live, None], b=program.b[live] / top[live]), newton=False, tolerance=1e-8
-    )
+    program = replace(program, A=program.A[live] / top[live, None], b=program.b[live] / top[live])
+    found, last = None, before[-1] if before else None
+    if last is not None and last.program.A.shape == program.A.shape and last.program.C.shape == program.C.shape:
+        found = newton_steps(program, last.x, last.y, last.z)
+    if found is None:
+        found = solve_conic(program, newton=False, tolerance=1e-8)
     if not (found.solved or _is_near(found)):
         return found.outcome
+    if before is not None:
+        before[:] = [found]
     return a + back @ found["motion"], found["forces"] * unit

@@ -261,8 +261,8 @@ class WantedMotion:
             offset = offset + np.concatenate([r.feedback for r in self.rows])
         return np.concatenate([r.J for r in self.rows]), offset
 
-    def nearest(self, margin: float) -> Actuation:
-        """The nearest possible motion, contacts as they are.
+    def nearest(self, margin: float, before: list[ConicAnswer] | None = None) -> Actuation:
+        """The nearest possible motion, contacts as they are; `before`: as of `nearest_possible`.
 
         Raises:
             NoSolution: where there is none, or it was not found.
@@ -272,7 +272,8 @@ class WantedMotion:
         J, offset = self._motion
         live = sets.lower < sets.upper
         H, at = sets.H[:, live].T, sets.offset[live]
-        found = nearest_possible(loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + at, self.choice.effort)
+        free = self.tau_ext - self.state.h
+        found = nearest_possible(loads, self.a, free, H @ J, H @ offset + at, self.choice.effort, before)
         name = self.state.robot.name
         if found is Outcome.INFEASIBLE:
             raise NoSolution(f"{name} has no possible motion that keeps its contacts as they are.")

@@ -163,6 +163,21 @@ def test_a_motion_that_is_not_possible_is_named_with_its_times() -> None:
     assert (np.abs(near.reference.tau) <= solo.effort_limit * (1.0 + 1e-6)).all()
 
 
+def test_nearest_torques_are_20_ms_apart_and_linear_between() -> None:
+    """Each is what the error of inverse dynamics gives at its sample, though found from the one before it."""
+    talos = rbd.load_robot("talos")
+    motion, soles = crouch(talos, 0.5, 0.6), talos.soles(friction=0.7)
+    own, found = (TrackingController(motion, soles, torques=torques).reference for torques in ("none", "nearest"))
+    refused = np.flatnonzero(np.isin(found.t, found.changed))
+    bent = np.abs(np.diff(found.a, 2, axis=0)).max(axis=1) > 1e-9
+    asked = [i for i in refused if 0 < i < len(bent) and bent[i - 1]]
+    assert 10 < len(asked) <= len(refused) / 2
+    for i in asked[::5]:
+        with pytest.raises(CannotMove) as caught:
+            rbd.inverse_dynamics(rbd.State(talos, own.q[i], own.v[i]), own.a[i], soles)
+        assert np.abs(caught.value.nearest().a - found.a[i]).max() < 1e-6
+
+
 def test_clipped_torques_are_counted_in_steps_that_are_taken(reach: rbd.Motion) -> None:
     """A state far away asks for more than the motors have; a reset forgets it."""
     robot = reach.robot

@@ -1,0 +1,236 @@
+"""`follow`: the whole-body controller of a reference motion, its tasks and contact schedule made from that motion.
+
+The tasks want what the motion does, by decreasing cost: where the centre of mass goes, where feet in the air go, the angular
+momentum, how the base is turned, and the joints. A foot that has not touched when it was to goes on downwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, check_number
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.contact import Contact
+from rbd.control.contact_schedule import ContactSchedule, Interval
+from rbd.control.force_tasks import MomentumTask
+from rbd.control.schedules import check_model
+from rbd.control.task_terms import Reference, Task
+from rbd.control.tasks import ComTask, FrameTask, PostureTask
+from rbd.control.tracking import checked_motion, sampled
+from rbd.control.whole_body import WholeBodyController
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import SampledAccelerations
+from rbd.model.state import State, state_at
+
+SINKS = 0.05
+"""Speed at which the target of a foot goes down where it has not landed when it was to [m/s] ..."""
+DEEPEST = 0.01
+"""... and how far at most [m]."""
+FADE = 0.03
+"""Forces of contacts rise and fall within this time [s]."""
+_EVERY = 5e-3  # s between samples; the motion goes on from the nearest one with constant acceleration
+
+
+class ContactTimes(Protocol):
+    """When which contacts of a motion touch, as `rbd.motion.ContactTimeline` says."""
+
+    @property
+    def contacts(self) -> Sequence[Constraint]:
+        """The contacts."""
+
+    @property
+    def ground(self) -> float:
+        """Height of the level floor [m]."""
+
+    def intervals(self, name: str) -> list[tuple[float, float]]:
+        """(first time, last time) of each stretch in which a contact touches [s]."""
+
+
+class FollowedMotion(SampledAccelerations, Protocol):
+    """Samples of a motion, and its contacts."""
+
+    @property
+    def contacts(self) -> ContactTimes | None:
+        """When which of them touch; None where that is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionTargets:
+    """What the tasks of `follow` want at a time since the start of a motion, from one state of the robot for all of them.
+
+    Attributes:
+        robot: The model of the controller.
+        t: Times from 0, shape (n,) [s].
+        q: Shape (n, nq).
+        v: Shape (n, nv).
+        a: Shape (n, nv).
+        times: {contact: when it touches [s]}.
+        last: The last time that was asked for, with the state and accelerations there; empty at first.
+    """
+
+    robot: CheckedModel
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    times: dict[str, list[Interval]]
+    last: list[tuple[float, State, Array]]
+
+    def at(self, t: float) -> tuple[State, Array]:
+        """(state, accelerations) of the motion; before its start and after its end its pose there, at rest."""
+        if not self.last or self.last[0][0] != t:
+            within = min(max(t, 0.0), float(self.t[-1]))
+            i = int(np.searchsorted(self.t, within))
+            i -= i > 0 and within - self.t[i - 1] < self.t[i] - within
+            dt, moves = within - self.t[i], float(within == t)
+            q = pin.integrate(self.robot.model, self.q[i], dt * (self.v[i] + 0.5 * dt * self.a[i]))
+            self.last[:] = [(t, state_at(self.robot, q, moves * (self.v[i] + dt * self.a[i])), moves * self.a[i])]
+        return self.last[0][1:]
+
+    def com(self, t: float) -> Reference:
+        """The centre of mass."""
+        state, a = self.at(t)
+        A_g, bias, mass = state.centroidal()
+        return Reference(state.com, A_g[:3] @ state.v / mass, (A_g[:3] @ a + bias[:3]) / mass)
+
+    def momentum(self, t: float) -> Reference:
+        """The momentum about the centre of mass."""
+        state, a = self.at(t)
+        A_g, bias, _ = state.centroidal()
+        return Reference(A_g @ state.v, A_g @ a + bias)
+
+    def posture(self, t: float) -> Reference:
+        """The joints."""
+        state, a = self.at(t)
+        return Reference(state.q, state.v, a)
+
+    def base(self, name: str, t: float) -> Reference:
+        """The orientation of a base."""
+        X, v, a = self._moving(name, pin.SE3.Identity(), t)
+        return Reference(X.rotation, v[3:], a[3:])
+
+    def foot(self, contact: Contact, offset: Array, t: float) -> Reference:
+        """The pose of a foot, or the place of a point foot; from when it is to touch its target sinks."""
+        X, v, a = self._moving(contact.frame, pin.SE3(np.eye(3), offset), t)
+        place = X.translation.copy()
+        start = next((x for x, y in self.times[contact.name] if x <= t < y), t)
+        if 0.0 < (depth := SINKS * (t - max(start, 0.0))):
+            place[2] -= min(depth, DEEPEST)
+            v[2] -= SINKS * (depth < DEEPEST)
+        return Reference(place, v[:3], a[:3]) if len(contact.corners) == 1 else Reference(pin.SE3(X.rotation, place), v, a)
+
+    def _moving(self, frame: str, X_FP: pin.SE3, t: float) -> tuple[pin.SE3, Array, Array]:
+        state, a = self.at(t)
+        X, J, v, bias = state.moving(frame, X_FP, pin.LOCAL_WORLD_ALIGNED)
+        return X, np.array(v), J @ a + bias
+
+
+def follow(
+    motion: FollowedMotion,
+    *,
+    robot: CheckedModel | None = None,
+    friction: float = 0.6,
+    every: float | None = 4e-3,
+) -> WholeBodyController:
+    """The controller that follows a motion on its contacts: torques within limits, and feedback that takes up disturbances.
+
+    The motion begins with the simulation, at t = 0; after its end its last pose is held. It should be possible
+    (`rbd.check_motion`): what it misses of balance, friction or torque the controller has to miss as well, and falls where that
+    is much. Tasks, with their costs and gains (k; momentum: 1/s), each with velocity and acceleration of the motion::
+
+        centre of mass          1000    100
+        feet in the air, each    100    400      place; of soles also orientation, 20
+        angular momentum          30      5
+        orientation of the base    5    100
+        joints                     1    100
+
+    Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. From when a foot is to touch its target
+    sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would otherwise hover, and the robot fall.
+
+    Args:
+        motion: An `rbd.Motion` with contacts; or what has a robot, t, q, v, a and contacts. Of a robot on a fixed base it needs
+            none.
+        robot: The model with which the controller computes, of the same joints; None: that of the motion.
+        friction: Coulomb's coefficient that the controller counts on; at most that of the floor.
+        every: Time between two steps of control [s]; None: every step of the simulation is one.
+
+    Returns:
+        A controller for `rbd.simulate`; its `contacts` are the feet on the floor of the motion, and `dataclasses.replace`
+        changes tasks and limits.
+
+    Raises:
+        InputError: no motion, one without contacts, one that touches with other bodies than feet; numbers out of range.
+
+    Example:
+        >>> talos = rbd.load_robot("talos")
+        >>> stand = talos.standing()
+        >>> bent = stand.with_joints({"arm_left_4_joint": -1.4, "arm_right_4_joint": -0.4})
+        >>> wave = rbd.motion.minimum_jerk(talos, [stand.q, bent.q, stand.q], [0.0, 0.3, 0.6])
+        >>> wave = wave.with_contacts(rbd.motion.find_contacts(wave))
+        >>> controller = rbd.control.follow(wave)
+        >>> run = rbd.simulate(wave.state(0), talos.soles(), duration=0.6, step=4e-3, controller=controller, progress=False)
+        >>> off = rbd.motion.MotionDifference.of(run, wave)
+        >>> print(f"base {1e3 * np.abs(off.base).max():.1f} mm, joints {off.joint_rms:.4f} rad")
+        base 0.7 mm, joints 0.0077 rad
+    """
+    checked_motion(motion)
+    check_model("follow", robot)
+    friction = check_number("friction of follow", friction, 1e-6, 1e3, expected="a coefficient above 0")
+    if robot is not None:
+        State(motion.robot, motion.q[0]).on(robot)  # which raises if its joints differ
+    model, begin, end = robot or motion.robot, float(motion.t[0]), float(motion.t[-1])
+    lanes: ContactTimes | None = getattr(motion, "contacts", None)
+    if lanes is None and len(model.unactuated):
+        raise InputError(
+            f"the motion of {model.name} has no contacts, and follow wants to know when its feet touch: give it "
+            "motion.with_contacts(rbd.motion.find_contacts(motion)) of a motion that is possible, or the repaired one, "
+            "rbd.check_motion(motion).repaired(), which has them."
+        )
+    feet, times = list[Contact](), dict[str, list[Interval]]()
+    ground = 0.0 if lanes is None else lanes.ground
+    for contact in () if lanes is None else lanes.contacts:
+        assert lanes is not None
+        each = [(x, y) for x, y in lanes.intervals(contact.name) if x < y]
+        if isinstance(contact, Contact):
+            feet.append(contact)
+            times[contact.name] = [(x - begin if x > begin else -math.inf, y - begin if y < end else math.inf) for x, y in each]
+        elif each:
+            raise InputError(
+                f"the motion touches with {contact.name!r:.80} from {each[0][0]:.3f} to {each[0][1]:.3f} s, and follow knows "
+                "feet alone: name its frame as a foot, rbd.load_robot(file, feet=[...]), or leave that contact out, "
+                "motion.with_contacts(motion.contacts.of(names, intervals))."
+            )
+    t, q, v, a = sampled(motion, _EVERY)
+    targets = MotionTargets(model, t - begin, q, v, a, times, [])
+    tasks: list[Task] = [
+        ComTask(targets.com, cost=1000.0, gain=100.0),
+        MomentumTask(targets.momentum, angular_cost=30.0, gain=5.0),
+        PostureTask(targets.posture, cost=1.0, gain=100.0),
+    ]
+    for name in [model.model.names[joint] for joint in model.bases]:
+        tasks.append(FrameTask(name, partial(targets.base, name), orientation_cost=5.0, gain=100.0))
+    contacts = []
+    for foot in feet:
+        offset = foot.placement.act(foot.corners.mean(axis=0))
+        target = partial(targets.foot, foot, offset)
+        tasks.append(
+            FrameTask(foot.frame, target, offset=offset, position_cost=100.0, orientation_cost=20.0, gain=400.0, name=foot.name)
+        )
+        contacts.append(
+            Contact(
+                foot.name, foot.frame, corners=foot.corners, placement=foot.placement, friction=friction, facets=foot.facets,
+                on=ground,
+            )
+        )  # fmt: skip
+    schedule = ContactSchedule(times, fade=FADE, flight=True)
+    if schedule.in_flight(times) is None:
+        schedule = ContactSchedule(times, fade=FADE)
+    return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot)
