@@ -1056,6 +1056,11 @@ CASES: dict[str, Case] = {
         | {"torques": "exact", "every": 0.01},
         30,
     ),
+    "follow": Case(
+        lambda **given: use_whole_body(rbd.control.follow(**given)),
+        {"motion": STILL_BOLT.with_contacts(rbd.motion.find_contacts(STILL_BOLT)), "friction": 0.6, "every": 0.002},
+        30,
+    ),
     "ZeroOrderHold": Case(
         lambda **given: use_controller(rbd.control.ZeroOrderHold(**given)), {"controller": HOLD_BOLT, "period": 0.002}, 30
     ),
@@ -1295,7 +1300,9 @@ CASES |= {
     "Motion.cut": Case(lambda **given: use_motion(SWAY.cut(**given)), {"start": 0.1, "end": 0.3}, 20),
     "Motion.lifted": Case(lambda height: use_motion(SWAY.lifted(height)), {"height": 0.1}, 10),
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
-    "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "forces": None, "header": True, "decimals": 6}, 10),
+    "Motion.save": Case(
+        use_save, {"path": "/nowhere/x.csv", "kind": "motion", "forces": None, "header": True, "decimals": 6}, 10
+    ),
 }
 CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
 CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}

@@ -10,14 +10,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_number
-from rbd.constraints.constraint import Constraint
-from rbd.constraints.contact import Contact
+from rbd.constraints.constraint import Constraint, member
 from rbd.control.contact_schedule import ContactSchedule, Interval
 from rbd.control.force_tasks import MomentumTask
 from rbd.control.schedules import check_model
@@ -45,10 +44,6 @@ class ContactTimes(Protocol):
     @property
     def contacts(self) -> Sequence[Constraint]:
         """The contacts."""
-
-    @property
-    def ground(self) -> float:
-        """Height of the level floor [m]."""
 
     def intervals(self, name: str) -> list[tuple[float, float]]:
         """(first time, last time) of each stretch in which a contact touches [s]."""
@@ -117,7 +112,7 @@ class MotionTargets:
         X, v, a = self._moving(name, pin.SE3.Identity(), t)
         return Reference(X.rotation, v[3:], a[3:])
 
-    def foot(self, contact: Contact, offset: Array, t: float) -> Reference:
+    def foot(self, contact: Any, offset: Array, t: float) -> Reference:
         """The pose of a foot, or the place of a point foot; from when it is to touch its target sinks."""
         X, v, a = self._moving(contact.frame, pin.SE3(np.eye(3), offset), t)
         place = X.translation.copy()
@@ -163,8 +158,8 @@ def follow(
         every: Time between two steps of control [s]; None: every step of the simulation is one.
 
     Returns:
-        A controller for `rbd.simulate`; its `contacts` are the feet on the floor of the motion, and `dataclasses.replace`
-        changes tasks and limits.
+        A controller for `rbd.simulate`, to be given with the robot's feet, `robot.feet(on=motion.ground)`; other tasks or
+        limits by `dataclasses.replace`.
 
     Raises:
         InputError: no motion, one without contacts, one that touches with other bodies than feet; numbers out of range.
@@ -194,12 +189,10 @@ def follow(
             "motion.with_contacts(rbd.motion.find_contacts(motion)) of a motion that is possible, or the repaired one, "
             "rbd.check_motion(motion).repaired(), which has them."
         )
-    feet, times = list[Contact](), dict[str, list[Interval]]()
-    ground = 0.0 if lanes is None else lanes.ground
+    feet, times = list[Any](), dict[str, list[Interval]]()
     for contact in () if lanes is None else lanes.contacts:
-        assert lanes is not None
-        each = [(x, y) for x, y in lanes.intervals(contact.name) if x < y]
-        if isinstance(contact, Contact):
+        each = [] if lanes is None else [(x, y) for x, y in lanes.intervals(contact.name) if x < y]
+        if member(contact, "corners") is not None:
             feet.append(contact)
             times[contact.name] = [(x - begin if x > begin else -math.inf, y - begin if y < end else math.inf) for x, y in each]
         elif each:
@@ -217,20 +210,14 @@ def follow(
     ]
     for name in [model.model.names[joint] for joint in model.bases]:
         tasks.append(FrameTask(name, partial(targets.base, name), orientation_cost=5.0, gain=100.0))
-    contacts = []
     for foot in feet:
         offset = foot.placement.act(foot.corners.mean(axis=0))
         target = partial(targets.foot, foot, offset)
         tasks.append(
             FrameTask(foot.frame, target, offset=offset, position_cost=100.0, orientation_cost=20.0, gain=400.0, name=foot.name)
         )
-        contacts.append(
-            Contact(
-                foot.name, foot.frame, corners=foot.corners, placement=foot.placement, friction=friction, facets=foot.facets,
-                on=ground,
-            )
-        )  # fmt: skip
     schedule = ContactSchedule(times, fade=FADE, flight=True)
     if schedule.in_flight(times) is None:
         schedule = ContactSchedule(times, fade=FADE)
+    contacts = [foot.with_friction(friction) for foot in feet]
     return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot)

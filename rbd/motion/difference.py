@@ -124,14 +124,15 @@ class MotionDifference(Displayed):
         rows = self.worst()
         k = 3 + len(self.feet)
         shown = rows[:k] + [row for row in rows[k:] if row[1] > _SMALL][:_TOLD]
-        lines = [f"{len(self.t)} frames beside their reference; largest differences:"]
+        rms = math.degrees(self.joint_rms)
+        lines = [f"{len(self.t)} frames beside their reference, joints {rms:.2f} deg rms; largest differences:"]
         for name, size, t in shown:
             length = name in ("base", "centre of mass", *self.feet)
             value = f"{1e3 * size:8.1f} mm" if length else f"{math.degrees(size):8.2f} deg"
             lines.append(f"  {name:<28}{value:>12}  at {t:.3f} s")
         more = sum(row[1] > _SMALL for row in rows[k:]) - _TOLD
         if more > 0:
-            lines.append(f"  and {more} joints less; all joints together {math.degrees(self.joint_rms):.2f} deg rms")
+            lines.append(f"  and {more} joints less")
         if self.left_out > 0.0:
             lines.append(f"  it ends {self.left_out:.3f} s before its reference")
         return "\n".join(lines)

@@ -232,9 +232,11 @@ def test_what_cannot_be_followed(stepping: Motion, spoil: Callable[[Motion], obj
 
 
 def lying(motion: Motion) -> Motion:
-    """The same motion with a body on the floor."""
-    lanes = find_contacts(motion.lifted(-0.3), bodies=True)
-    return motion.with_contacts(lanes)
+    """The same robot on its back."""
+    q = motion.q[0].copy()
+    q[2:7] = 0.05, 0.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5)
+    lies = minimum_jerk(motion.robot, [q, q], [0.0, 0.2])
+    return lies.with_contacts(find_contacts(lies, bodies=True))
 
 
 def test_a_trajectory_is_compared_with_its_reference(stepping: Motion) -> None:

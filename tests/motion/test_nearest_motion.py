@@ -363,10 +363,10 @@ class TestDifference:
         assert "base up to 50.0 mm" in repr(off)
 
     def test_what_cannot_be_compared(self, squat: rbd.Trajectory, talos: rbd.Robot) -> None:
-        """Other robots, other times, other things; a motion that ends earlier can."""
+        """Other robots, a reference that ends earlier, other things; a motion that ends earlier can."""
         m = Motion.of_trajectory(squat[::50])
         other = minimum_jerk(talos, [talos.standing().q] * 2, [0.0, 1.0])
-        for motion, reference in ((m, other), (m, m.cut(0.0, 0.5)), (m, m.resample(30.0)), (m, 3), ("x", m)):
+        for motion, reference in ((m, other), (m, m.cut(0.0, 0.5)), (m, 3), ("x", m)):
             with pytest.raises(InputError):
                 MotionDifference.of(motion, reference)  # type: ignore[arg-type]
         assert MotionDifference.of(m.cut(0.0, 0.5), m).left_out == pytest.approx(m.t[-1] - 0.5)
