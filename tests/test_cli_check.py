@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.check_command import motion_files, pages_of
 
 runner = CliRunner()
 N, UP = 30, 20
@@ -82,9 +81,8 @@ def test_many_motions_are_ranked_and_a_bad_one_does_not_stop_them(folder, tmp_pa
     assert [m["rank"] for m in data["motions"]] == [1, 2] and data["motions"][0]["score"] > data["motions"][1]["score"]
     assert [f["file"] for f in data["failed"]] == [str(broken)] and "31" in data["failed"][0]["error"]
     assert (data["failed"][0]["reason"], data["failed"][0]["reason_code"]) == ("bad_input", 10)
-    for motion in data["motions"]:
-        assert [code == 0 for code in motion["per_frame"]["reason_codes"]] == motion["per_frame"]["possible"]
-    assert sorted(path.name for path in (tmp_path / "pages").iterdir()) == ["hangs.html", "stands.html"]
+    assert data["together"]["motions"] == 2 and 0.0 < data["together"]["possible"] < 1.0
+    assert sorted(path.name for path in (tmp_path / "pages").iterdir()) == ["hangs.html", "index.html", "stands.html"]
 
 
 def test_many_motions_have_one_exit_code(folder):
@@ -152,21 +150,20 @@ def test_bad_input_is_refused(folder, monkeypatch, arguments, said):
     assert before == {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-def test_files_are_found_in_folders_and_by_patterns(folder, monkeypatch):
-    """Each once, in order; other files of a folder are not motions."""
-    monkeypatch.chdir(folder)
-    assert motion_files(["stands.csv", "*.csv"]) == ["stands.csv", "hangs.csv"]
-    assert [Path(name).name for name in motion_files([str(folder)])] == ["hangs.csv", "stands.csv"]
-
-
-def test_pages_of_one_name_stay_apart(tmp_path):
-    """Motions of one name in two folders get a page each; a folder that cannot be made is refused."""
-    pages = pages_of(tmp_path / "pages", ["a/dance.csv", "b/dance.csv", "b/walk.npz"])
-    assert [path.name for path in pages.values()] == ["dance.html", "dance_2.html", "walk.html"]
-    assert (tmp_path / "pages").is_dir() and pages_of(tmp_path / "x.html", ["a.csv"]) == {"a.csv": tmp_path / "x.html"}
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_checked(folder, tmp_path):
+    """Of several motions the page needs a folder."""
     (tmp_path / "file").write_text("")
-    with pytest.raises(rbd.RbdError, match="cannot be made"):
-        pages_of(tmp_path / "file" / "pages", ["a.csv", "b.csv"])
+    code, _, said = run(folder, *G1, "--html", tmp_path / "file" / "pages")
+    assert code == 2 and "cannot be made" in said
+
+
+def test_a_store_is_gone_on_with(folder, tmp_path):
+    """The second time nothing is left to check, and the numbers are the same; touch heights reach the check."""
+    arguments = (folder, *G1, "--store", tmp_path / "checks.zarr", "--touch-height", "0.05", "--json", tmp_path / "x.json")
+    first = run(*arguments), json.loads((tmp_path / "x.json").read_text())
+    again = run(*arguments), json.loads((tmp_path / "x.json").read_text())
+    assert "nothing is left to compute" in again[0][2] and first[1] == again[1]
+    assert first[1]["motions"][0]["settings"]["touch_height"] == 0.05
 
 
 MOTORS = (

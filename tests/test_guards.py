@@ -1306,6 +1306,7 @@ CASES |= {
 }
 CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
 CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}
+CHECKED |= {"touch_height": 0.03, "touch_speed": 0.25}
 
 
 SWAY_REPORT = rbd.check_motion(**CHECKED)
@@ -1316,6 +1317,15 @@ def use_difference(off: Any) -> Any:
     return off.joints, off.base, off.turn, off.com
 
 
+def use_checks(files: Any, **given: Any) -> Any:
+    """The numbers of a data set; what is wrong with its motion."""
+    given["workers"] = min(given["workers"], 0) if isinstance(given["workers"], int) else given["workers"]
+    found = rbd.studies.check_motions("/nowhere/x.csv" if isinstance(files, str) else files, **given, progress=False)
+    for reason, message in found.failed.values():
+        raise rbd.errors.InputError(f"{reason}: {message}")
+    return [float(found.dataset[name][0]) for name in ("score", "missing_median")]
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -1324,6 +1334,12 @@ def use_check(**given: Any) -> Any:
 
 CASES |= {
     "check_motion": Case(use_check, CHECKED, 20),
+    "check_motions": Case(
+        use_checks,
+        {"files": [SWAY_FILE], "robot": BOLT, "reading": {"rate": 20.0}, "between": (0.0, 1.0), "cutoff": 5.0, "lift": False}
+        | {"workers": 0},
+        5,
+    ),
     "MotionReport.nearest_motion": Case(
         lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"margin": 0.1, "step": 0.02, "progress": False}, 10
     ),
@@ -1336,7 +1352,7 @@ CASES |= {
     ),
     "motion.find_contacts": Case(
         lambda **given: [(x := rbd.motion.find_contacts(**given)).heights, x.touches.astype(float), x.ground],
-        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 5e-3},
+        {"motion": SWAY, "bodies": False, "ground": "fit", "rest_speed": 5e-3, "touch_height": 0.03, "touch_speed": 0.25},
         20,
     ),
 }
@@ -1349,6 +1365,7 @@ MADE_BY_RBD = {
     "Samples",
     "Explorer",
     "Motion",
+    "MotionChecks",
     "MotionDifference",
     "MotionFile",
     "Derivation",

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import glob
 import math
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -13,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 from rich.console import Group
-from rich.progress import track
 from rich.text import Text
 
 from rbd.cli.terminal import (
     BAD_INPUT,
-    FIGURES,
+    FIGURES as PICTURES,
+    INTERRUPTED,
     NO_SOLUTION,
     PAGES,
     TRAJECTORIES,
@@ -38,21 +36,21 @@ from rbd.cli.terminal import (
     write_json,
     write_outputs,
 )
-from rbd.errors import InputError, RbdError, Reason
+from rbd.errors import InputError, Reason
 from rbd.installation import VERSION
 from rbd.records import Field, counted, joined
 
 if TYPE_CHECKING:
+    from rbd.motion.many_files import MotionFile
     from rbd.motion.report import MotionReport
     from rbd.robots.robot import Robot
+    from rbd.studies.motion_checks import MotionChecks
 
-MOTIONS = (".csv", ".txt", ".npz", ".nc")
-"""Files of a folder that are read as motions."""
 CAUSES_SHOWN = 3
 
 
 def check(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Motions, .csv, .npz or .nc, or folders of them.")],
+    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Motions, or folders or patterns of them.")],
     robot: Annotated[str | None, typer.Option(help="Name (g1) or path of a URDF; not needed where a file names it.")] = None,
     rate: Annotated[float | None, typer.Option(help="Frames a second, of files that do not say.")] = None,
     friction: Annotated[float, typer.Option(help="Coulomb's coefficient of the floor.")] = 0.7,
@@ -73,6 +71,8 @@ def check(
     self_collision: Annotated[
         bool, typer.Option("--self-collision/--no-self-collision", help="Test the bodies against each other.")
     ] = True,
+    touch_height: Annotated[float, typer.Option(metavar="M", help="Feet lower than this are meant to touch.")] = 0.03,
+    touch_speed: Annotated[float, typer.Option(metavar="M/S", help="Feet slower than this are meant to touch.")] = 0.25,
     quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="xyzw or wxyz; guessed, and said.")] = None,
     units: Annotated[str | None, typer.Option(help="Unit of joint angles: rad or deg; guessed, and said.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Take times, lengths, v and a as they are.")] = False,
@@ -84,7 +84,13 @@ def check(
     ] = None,
     lift: Annotated[bool, typer.Option("--lift", help="Also check it put onto the floor by one height.")] = False,
     least_possible: Annotated[float, typer.Option(help="Share of frames that must be possible for exit code 0.")] = 1.0,
-    html: Annotated[Path | None, typer.Option(help="Write the page that plays it; of several motions, a folder.")] = None,
+    workers: Annotated[int, typer.Option(help="Of several motions: how many processes; 0: this one.")] = 0,
+    store: Annotated[
+        Path | None, typer.Option(metavar="ZARR", help="Of several motions: keep what is finished, and go on with the rest.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Write the page that plays it; of several motions, a folder: index.html and the worst.")
+    ] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
     save: Annotated[Path | None, typer.Option(help="Write all arrays, .npz or .nc (one motion).")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw curves, .png, .svg or .pdf (one motion).")] = None,
@@ -103,9 +109,15 @@ def check(
 
     rbd check dance.csv --robot g1 --rate 60 --html dance.html
     """
+    from rbd.motion.many_files import list_motions
+    from rbd.studies.motion_checks import check_motions, checked_file, numbers_of
+
     console = open_console()
     with answering(check):
-        chosen = motion_files(files)
+        loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir, motors)
+        if robot is None and motors is not None:
+            raise InputError("--motors changes the motors of --robot; expected both.")
+        chosen = list_motions(files, loaded)
         one = len(chosen) == 1
         if not 0.0 <= least_possible <= 1.0:
             raise InputError(f"--least-possible is {least_possible:g}; expected a share from 0 to 1.")
@@ -114,39 +126,42 @@ def check(
         reading = {
             "rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints), "trust": trust,
         }  # fmt: skip
-        settings = {
+        settings: dict[str, Any] = {
             "friction": friction, "ground": _ground(ground), "torque_limits": _share(torque_limits), "threshold": threshold,
-            "bodies": bodies, "self_collision": self_collision,
+            "bodies": bodies, "self_collision": self_collision, "touch_height": touch_height, "touch_speed": touch_speed,
         }  # fmt: skip
-        loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir, motors)
-        if robot is None and motors is not None:
-            raise InputError("--motors changes the motors of --robot; expected both.")
-        ranking = Ranking(least_possible)
-        steps = [*chosen] if one else track(chosen, "checking", console=open_console(errors=True), transient=True)
-        pages = {} if html is None else pages_of(html, chosen)
-        written: list[Path] = []
-        for file in steps:
-            try:
-                report = checked_file(file, loaded, reading, settings, (from_, to), filter_, lift, progress=one)
-                ranking.add(file, report)
-                if file in pages:
-                    written.append(report.export(pages[file]))
-            except RbdError as error:
-                if one:
-                    raise
-                ranking.failed[file] = error.reason, in_options(str(error), check)
+        ranking, named = Ranking(least_possible), dict[str, Any](between=(from_, to), cutoff=filter_, lift=lift)
         if one:
+            robots = {"": chosen[0].robot} if loaded is not None else {}
+            report = checked_file(
+                str(chosen[0].path),
+                chosen[0].name,
+                "",
+                robots=robots,
+                reading=reading,
+                settings=settings,
+                progress=True,
+                **named,
+            )
+            ranking.checked[str(chosen[0])] = numbers_of(report) | {"per_frame": _per_frame(report)}
             console.print(verdict(report), highlight=False, soft_wrap=True)
             console.print(str(report), highlight=False, soft_wrap=True)
-        else:
-            console.print(ranking, highlight=False)
-        write_json(json_, ranking)
-        for path in written:
-            print_path(console, "page", path)
-        if one:
+            write_json(json_, ranking)
             write_outputs(
-                console, ("report", save, report.save), ("plot", plot, partial(draw, report)), ("video", video, report.video)
-            )
+                console, ("page", html, report.export), ("report", save, report.save), ("plot", plot, partial(draw, report)),
+                ("video", video, report.video),
+            )  # fmt: skip
+        else:
+            checks = check_motions(files, robot=loaded, reading=reading, workers=workers, out=store, **named, **settings)
+            ranking.take(checks, partial(in_options, command=check))
+            console.print(ranking, highlight=False)
+            write_json(json_, ranking)
+            if html is not None and ranking.checked:
+                print_path(console, "page", checks.export(html))
+            if store is not None:
+                print_path(console, "store", store)
+            if checks.dataset.attrs.get("interrupted"):
+                raise typer.Exit(INTERRUPTED)
         if show:
             play(console, report)
         if ranking.code:
@@ -161,15 +176,18 @@ class Ranking:
         least_possible: Share of frames that must be possible.
         checked: {file: its numbers}.
         failed: {file: why it was not checked, and the message}.
+        together: Shares of the frames of all motions, of several.
     """
 
     least_possible: float
     checked: dict[str, dict[str, Any]] = field(default_factory=dict)
     failed: dict[str, tuple[Reason, str]] = field(default_factory=dict)
+    together: dict[str, Any] = field(default_factory=dict)
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("rbd", (), "", "version", lambda found: VERSION),
         Field("exit_code", (), "", "exit code", lambda found: found.code),
+        Field("together", (), "", "shares of the frames of all motions, of several"),
         Field("motions", (), "", "numbers of each motion, best first", lambda found: [
             {"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(found.ranked)
         ]),
@@ -179,20 +197,19 @@ class Ranking:
         ]),
     )  # fmt: skip
 
-    def add(self, file: str, report: MotionReport) -> None:
-        """Add a motion. Of its arrays only those of `data` are kept."""
-        numbers = report.summary()
-        if report.before is not None:
-            numbers["before"] = report.before.summary()
-        numbers["per_frame"] = {
-            "t_s": report.motion.t.tolist(),
-            "possible": report.possible.tolist(),
-            "missing": report.missing_scaled.tolist(),
-            "noise": report.open.tolist(),
-            "causes": {name: report.worst(name, report.n).tolist() for name in numbers["causes"]},
-            "reason_codes": report.reason_codes.tolist(),
-        }
-        self.checked[file] = numbers
+    def take(self, checks: MotionChecks, worded: Callable[[str], str]) -> None:
+        """Take the motions of a data set, and what they are together.
+
+        Args:
+            checks: The data set.
+            worded: What a message says to somebody who gave options.
+        """
+        self.checked = dict(checks.ranked)
+        self.failed = {file: (reason, worded(message)) for file, (reason, message) in checks.failed.items()}
+        self.together = {
+            "motions": len(checks.ranked), "frames": checks.frames, "duration_s": checks.duration_s,
+            "possible": checks.possible, **checks.figures, "causes": checks.causes,
+        }  # fmt: skip
 
     @property
     def ranked(self) -> list[tuple[str, dict[str, Any]]]:
@@ -245,67 +262,16 @@ def verdict(report: MotionReport) -> str:
     return f"Not possible in {bad} of {counted(report.n, 'frame')}: {causes}."
 
 
-def checked_file(
-    file: str,
-    robot: Robot | None,
-    reading: Mapping[str, Any],
-    settings: Mapping[str, Any],
-    between: tuple[float | None, float | None] = (None, None),
-    cutoff: float | None = None,
-    lift: bool = False,
-    *,
-    progress: bool = False,
-) -> MotionReport:
-    """The report on one file.
-
-    Args:
-        file: Its path.
-        robot: The robot; None where the file names its own.
-        reading: Arguments of `Motion.read`.
-        settings: Arguments of `check_motion`.
-        between: From when to when [s].
-        cutoff: Check it again without what is faster than this [Hz].
-        lift: Check it again, put onto the floor.
-        progress: Show a bar while it is read and checked.
-
-    Raises:
-        InputError: of what cannot be read or checked.
-    """
-    from rbd.motion.checking import check_motion
-    from rbd.motion.reference_motion import Motion
-
-    motion = Motion.read(file, robot=robot, progress=progress, **reading)
-    if between != (None, None):
-        motion = motion.cut(*between)
-    report = check_motion(motion, progress=progress, **settings)
-    if cutoff is not None:
-        report = report.filtered(cutoff)
-    return report.lifted() if lift else report
-
-
-def motion_files(given: Sequence[str]) -> list[str]:
-    """The files that are meant, each once: of folders and patterns those they have.
-
-    Raises:
-        InputError: a folder without motions, or a pattern without files.
-    """
-    found: list[str] = []
-    for name in map(os.path.expanduser, given):
-        some = [name]
-        if os.path.isdir(name):
-            some = sorted(str(path) for path in Path(name).iterdir() if path.suffix.lower() in MOTIONS)
-            if not some:
-                raise InputError(f"the folder {name!r:.300} has no motion; expected files that end in {', '.join(MOTIONS)}.")
-        elif not os.path.exists(name) and glob.has_magic(name):
-            some = sorted(glob.glob(name))
-            if not some:
-                raise InputError(f"no file is like {name!r:.300}.")
-        found += some
-    return list(dict.fromkeys(found))
+def _per_frame(report: MotionReport) -> dict[str, Any]:
+    causes = {name: report.worst(name, report.n).tolist() for name in report.summary()["causes"]}
+    return {
+        "t_s": report.motion.t.tolist(), "possible": report.possible.tolist(), "missing": report.missing_scaled.tolist(),
+        "noise": report.open.tolist(), "causes": causes, "reason_codes": report.reason_codes.tolist(),
+    }  # fmt: skip
 
 
 def _check_outputs(
-    files: Sequence[str],
+    files: Sequence[MotionFile],
     *,
     html: Path | None,
     json_: Path | None,
@@ -315,44 +281,26 @@ def _check_outputs(
     show: bool,
 ) -> None:
     if len(files) == 1:
-        outputs = {"--html": (html, PAGES), "--json": (json_, ()), "--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES)}
-        check_outputs({**outputs, "--video": (video, VIDEOS)}, reads=files[0])
+        outputs = {"--html": (html, PAGES), "--json": (json_, ()), "--save": (save, TRAJECTORIES), "--plot": (plot, PICTURES)}
+        check_outputs({**outputs, "--video": (video, VIDEOS)}, reads=str(files[0].path))
         return
     given_one = {"--save": save, "--plot": plot, "--video": video, "--show": show or None}
     for option, given in ((name, value is not None) for name, value in given_one.items()):
         if given:
             raise InputError(f"{option} is for one motion; {len(files)} were given.")
     for file in files:
-        check_outputs({"--json": (json_, ())}, reads=file)
+        check_outputs({"--json": (json_, ())}, reads=str(file.path))
+    if html is not None and html.suffix.lower() not in PAGES:
+        try:
+            html.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            pass
+        except OSError as error:
+            raise InputError(f"--html: the folder {str(html)!r:.300} cannot be made: {error.strerror}.") from None
     if html is not None and html.exists() and not html.is_dir():
         raise InputError(f"--html is {str(html)!r:.300}, a file; of {len(files)} motions expected a folder for their pages.")
     if html is not None and html.suffix.lower() in PAGES:
         raise InputError(f"--html is {str(html)!r:.300}; of {len(files)} motions expected a folder for their pages.")
-
-
-def pages_of(html: Path, files: Sequence[str]) -> dict[str, Path]:
-    """{file: its page}; those of several in the folder `html`, which is made.
-
-    Raises:
-        InputError: the folder cannot be made.
-    """
-    if len(files) == 1:
-        return {files[0]: html}
-    try:
-        html.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--html: the folder {str(html)!r:.300} cannot be made: {error.strerror}.") from None
-    pages: dict[str, Path] = {}
-    taken: set[str] = set()
-    for file in files:
-        stem = name = Path(file).stem
-        count = 1
-        while name in taken:  # motions of one name in two folders
-            count += 1
-            name = f"{stem}_{count}"
-        taken.add(name)
-        pages[file] = html / f"{name}.html"
-    return pages
 
 
 def draw(report: MotionReport, path: Path) -> Path:

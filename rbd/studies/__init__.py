@@ -6,6 +6,7 @@ from rbd.answers.comparison import LawComparison, SolverComparison, compare_laws
 from rbd.modules import submodule as _submodule
 from rbd.statics.push_functions import move_under_push, withstand_push
 from rbd.studies.draws import sample
+from rbd.studies.motion_checks import MotionChecks, check_motions
 from rbd.studies.results import kept_names
 from rbd.studies.running import study
 from rbd.studies.samples import Samples, grid
@@ -15,9 +16,11 @@ from rbd.workers import Workers
 
 __all__ = [
     "LawComparison",
+    "MotionChecks",
     "Samples",
     "SolverComparison",
     "Workers",
+    "check_motions",
     "compare_laws",
     "compare_solvers",
     "grid",

@@ -11,6 +11,7 @@ from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report, plot_timing
 from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
+from rbd.visual.motion_checks_page import export_motion_checks as export_motion_checks
 from rbd.visual.notebook.page_frames import notebook_page
 from rbd.visual.notebook.shown import html_of as html_of
 from rbd.visual.pages.browser import Browser, find_browser

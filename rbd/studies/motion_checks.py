@@ -1,0 +1,267 @@
+"""`check_motions`: `rbd.check_motion` of all motions of folders, in parallel and resumable, as one table, dataset and page."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from rbd.arrays import check_flag, lazy
+from rbd.displayed import Displayed, drawing
+from rbd.errors import Reason
+from rbd.errors.inputs import check_kind, check_known
+from rbd.installation import VERSION
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.causes import CAUSES, FIGURES
+from rbd.motion.checking import check_motion
+from rbd.motion.many_files import MotionFile, Names, list_motions
+from rbd.motion.report import MotionReport
+from rbd.records import Field
+from rbd.studies.results import kept_names
+from rbd.studies.running import study
+from rbd.studies.tables import table
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def check_motions(
+    files: Names | Iterable[Names] | Mapping[Any, Names | Iterable[Names]],
+    *,
+    robot: CheckedModel | Names | None = None,
+    reading: Mapping[str, Any] | None = None,
+    between: tuple[float | None, float | None] = (None, None),
+    cutoff: float | None = None,
+    lift: bool = False,
+    workers: int | None = None,
+    out: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+    **settings: Any,
+) -> MotionChecks:
+    """What `rbd.check_motion` finds of all motions of a data set: ranked, with shares, causes, and files that it cannot read.
+
+    Args:
+        files: As of `rbd.motion.list_motions`: a folder, a pattern, several of them, or a mapping of robots to these.
+        robot: The robot of all; None where the files name it.
+        reading: Arguments of `rbd.Motion.read`: {"rate": 60}.
+        between: From when to when each is checked [s].
+        cutoff: Check each without what is faster than this [Hz].
+        lift: Check each put onto the floor; for a floor that is given.
+        workers: How many processes; None: one a core, 0: this one.
+        out: A path that ends in .zarr: what is finished stays there, and the same call goes on with what is missing.
+        progress: Whether a bar is drawn on a terminal.
+        settings: Arguments of `rbd.check_motion`.
+
+    Raises:
+        InputError: as `list_motions` and `rbd.study`; xarray is not installed. What is wrong with one file is told in its row.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> rbd.motion.minimum_jerk(solo, [low, low], [0.0, 0.5], rate=50.0).save("stands.npz")
+        >>> rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0).save("hops.npz")
+        >>> found = rbd.studies.check_motions(["hops.npz", "stands.npz", "gone.npz"], robot=solo, workers=0)
+        >>> print(found.export("report").name)
+        index.html
+        >>> print(found)
+        2 motions, 57 frames, 1.10 s: 57.9 % possible; balance 57.9, feet 100.0, motors 100.0 %
+          score  balance   feet  motors  possible  motion
+            100      100    100     100       100  stands.npz
+             43       23    100     100        23  hops.npz
+        floats in 42.1 % of the frames
+        1 file was not checked: gone.npz
+    """
+    check_kind("reading", reading, Mapping | None, "arguments of rbd.Motion.read by name: {'rate': 60}")
+    check_flag("lift", lift)
+    listed = list_motions(files, robot)
+    robots = {id(file.robot): file.robot for file in listed if file.robot is not None}
+    names = {key: getattr(each, "name", "") + f" {i}" * (i > 0) for i, (key, each) in enumerate(robots.items())}
+    columns = {
+        "file": [str(file.path) for file in listed],
+        "motion": [file.name for file in listed],
+        "robot": [names.get(id(file.robot), "") for file in listed],
+    }
+    known = {names[key]: each for key, each in robots.items()}
+    function = partial(
+        checked_file, robots=known, reading=dict(reading or {}), settings=settings, between=between, cutoff=cutoff, lift=lift
+    )
+    keep: list[Any] = [*kept_names(MotionReport), {"numbers": _numbers}]
+    return MotionChecks(study(function, table(columns), keep=keep, executor=workers, out=out, progress=progress), function)
+
+
+def checked_file(
+    file: str,
+    motion: str,
+    robot: str,
+    *,
+    robots: Mapping[str, Any],
+    reading: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    between: tuple[float | None, float | None] = (None, None),
+    cutoff: float | None = None,
+    lift: bool = False,
+    progress: bool = False,
+) -> MotionReport:
+    """The report on one motion.
+
+    Args:
+        file: Its path.
+        motion: Its name in a file that holds several; else empty.
+        robot: Name of the robot among `robots`; empty where the file names its own.
+        robots: {name: robot}.
+        reading: Arguments of `Motion.read`.
+        settings: Arguments of `check_motion`.
+        between: From when to when [s].
+        cutoff: Check it again without what is faster than this [Hz].
+        lift: Check it again, put onto the floor.
+        progress: Show a bar while it is read and checked.
+
+    Raises:
+        InputError: of what cannot be read or checked.
+    """
+    found = MotionFile(Path(file), robots.get(robot), motion).read(progress=progress, **reading)
+    if between != (None, None):
+        found = found.cut(*between)
+    report = check_motion(found, progress=progress, **settings)
+    if cutoff is not None:
+        report = report.filtered(cutoff)
+    return report.lifted() if lift else report
+
+
+def numbers_of(report: MotionReport) -> dict[str, Any]:
+    """The summary of a report, of the one before it, and its worst frame with the robot's configuration there."""
+    worst = int(np.argmin(report.grades))
+    frame = {
+        "frame": worst, "t_s": float(report.motion.t[worst]), "q": report.motion.q[worst].tolist(),
+        "missing": (report.missing[worst, :3] / (report.motion.robot.mass * 9.81)).tolist(),
+        "causes": [cause for cause in CAUSES if report.of_cause(cause)[worst]],
+    }  # fmt: skip
+    before = {} if report.before is None else {"before": report.before.summary()}
+    return report.summary() | before | {"worst": frame}
+
+
+def _numbers(report: MotionReport) -> str:
+    return json.dumps(numbers_of(report), allow_nan=False)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionChecks(Displayed):
+    """The checks of a data set of motions.
+
+    Attributes:
+        dataset: What `rbd.study` returned: a row for each motion, with the fields of `MotionReport`, and its `numbers` as JSON.
+        check: Called with file, motion and robot, as the samples have them: `checked_file` with the same settings.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> rbd.motion.minimum_jerk(solo, 2 * [solo.standing().q], [0.0, 0.5]).save("stands.npz")
+        >>> found = rbd.studies.check_motions("stands.npz", robot=solo, workers=0)
+        >>> file, numbers = found.ranked[0]
+        >>> file, numbers["score"], float(found.dataset.share_possible[0]), found.failed
+        ('stands.npz', 100.0, 1.0, {})
+    """
+
+    dataset: xarray.Dataset
+    check: Callable[..., MotionReport]
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("rbd", (), "", "version", lambda found: VERSION),
+        Field("frames", (), "1", "of all motions"),
+        Field("duration_s", (), "s", "of all motions"),
+        Field("possible", (), "1", "share of the frames of all motions that are possible"),
+        Field("figures", (), "1", "shares of the frames without a fault of balance, feet and motors"),
+        Field("causes", (), "1", "{cause: share of the frames of all motions}"),
+        Field("motions", (), "", "numbers of each motion, best first", lambda found: [
+            {"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(found.ranked)
+        ]),
+        Field("failed", (), "", "files that were not checked", lambda found: [
+            {"file": file, "error": message, "reason": reason, "reason_code": reason.code}
+            for file, (reason, message) in found.failed.items()
+        ]),
+    )  # fmt: skip
+
+    @lazy
+    def ranked(self) -> list[tuple[str, dict[str, Any]]]:
+        """(file, its numbers as `MotionReport.summary`) of each motion, by score, best first."""
+        d = self.dataset
+        texts = d["numbers"].values if "numbers" in d else [""] * d.sizes["sample"]  # no result has told what it would be
+        found = ((file, json.loads(text)) for file, text in zip(self._files, texts, strict=True) if text)
+        return sorted(found, key=lambda x: (-x[1]["score"], x[0]))
+
+    @lazy
+    def failed(self) -> dict[str, tuple[Reason, str]]:
+        """{file: why it was not checked, and the message}."""
+        d = self.dataset
+        rows = zip(self._files, d["ok"].values, d["reason"].values, d["message"].values, strict=True)
+        return {file: (Reason.of_code(code), str(message)) for file, ok, code, message in rows if not ok}
+
+    @property
+    def _files(self) -> list[str]:
+        parts = zip(self.dataset["file"].values, self.dataset["motion"].values, strict=True)
+        return [f"{file}[{name}]" if name else str(file) for file, name in parts]
+
+    def report(self, file: str) -> MotionReport:
+        """The report on one motion, checked again; by its name in `ranked`.
+
+        Raises:
+            InputError: there is none, with the nearest names.
+        """
+        check_known("file is", file, self._files)
+        sample = self.dataset.isel(sample=self._files.index(file))
+        return self.check(**{name: str(sample[name].values) for name in ("file", "motion", "robot")})
+
+    @property
+    def frames(self) -> int:
+        """How many frames the motions have together."""
+        return sum(x["frames"] for _, x in self.ranked)
+
+    @property
+    def duration_s(self) -> float:
+        """How long they last together [s]."""
+        return float(sum(x["duration_s"] for _, x in self.ranked))
+
+    @property
+    def possible(self) -> float:
+        """The share of their frames that are possible."""
+        return self._mean("possible")
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """{balance, feet, motors: share of their frames without a fault of it}."""
+        return {name: self._mean(name) for name in FIGURES}
+
+    @property
+    def causes(self) -> dict[str, float]:
+        """{cause: share of their frames that have it}, most frequent first."""
+        found = {c: sum(x["causes"].get(c, 0) for _, x in self.ranked) / max(self.frames, 1) for c in CAUSES}
+        return dict(sorted(((c, x) for c, x in found.items() if x), key=lambda each: -each[1]))
+
+    def _mean(self, name: str) -> float:
+        return float(sum(x[name] * x["frames"] for _, x in self.ranked) / max(self.frames, 1))
+
+    def export(self, folder: str | os.PathLike[str], **settings: Any) -> Path:
+        """Write the page of the data set into a folder; returns its path. See `rbd.visual.export_motion_checks`."""
+        return drawing("export_motion_checks")(self, folder, **settings)
+
+    def __str__(self) -> str:
+        n, share = len(self.ranked), 100.0 * self.possible
+        figures = ", ".join(f"{name} {100.0 * x:.1f}" for name, x in self.figures.items())
+        lines = [
+            f"{n} motion{'s' * (n != 1)}, {self.frames} frames, {self.duration_s:.2f} s: {share:.1f} % possible; {figures} %",
+            f"  score  {'  '.join(f'{name:>5}' for name in FIGURES)}  possible  motion",
+        ]
+        for file, x in self.ranked:
+            shares = "".join(f"{100.0 * x[name]:{max(len(name), 5) + 2}.0f}" for name in FIGURES)
+            lines.append(f"{x['score']:7.0f}{shares}{100.0 * x['possible']:10.0f}  {file}")
+        if self.causes:
+            lines.append(", ".join(f"{cause} in {100.0 * x:.1f}" for cause, x in self.causes.items()) + " % of the frames")
+        if self.failed:
+            many = len(self.failed) != 1
+            lines.append(f"{len(self.failed)} file{'s were' if many else ' was'} not checked: {', '.join(self.failed)}")
+        return "\n".join(lines)

@@ -1,0 +1,124 @@
+"""A data set of motions: its numbers are those of each motion, whoever computes them; its page has them all."""
+
+from __future__ import annotations
+
+import json
+import struct
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.errors import InputError, Reason
+from rbd.motion import CAUSES, Motion
+from rbd.studies import MotionChecks, check_motions
+from rbd.visual.stills import still
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Solo12 stands, hops and slides, two files of one name; a broken table, and what is no motion."""
+    top: Path = tmp_path_factory.mktemp("clips")
+    (top / "more").mkdir()
+    solo = rbd.load_robot("solo12")
+    low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+    far = low + 0.05 * np.eye(solo.nq)[0]
+    for poses, name in (([low, low], "a.npz"), ([low, high, low], "hops.npz"), ([low, far], "more/a.npz")):
+        rbd.motion.minimum_jerk(solo, poses, np.linspace(0.0, 0.6, len(poses)), rate=50.0).save(top / name)
+    (top / "broken.csv").write_text("1,2\n3\n")
+    (top / "README.md").write_text("clips")
+    return top
+
+
+@pytest.fixture(scope="module")
+def checks(folder: Path) -> MotionChecks:
+    """The whole folder, in this process."""
+    return check_motions(folder, robot="solo12", workers=0)
+
+
+def test_numbers_are_those_of_each_motion(folder: Path, checks: MotionChecks) -> None:
+    """Of dataset, ranking and totals; the broken file has its reason."""
+    assert [Path(file).relative_to(folder).as_posix() for file, _ in checks.ranked] == ["a.npz", "hops.npz", "more/a.npz"]
+    reports = {file: rbd.check_motion(Motion.read(file)) for file, _ in checks.ranked}
+    for file, numbers in checks.ranked:
+        report = reports[file]
+        assert {key: numbers[key] for key in report.summary()} == report.summary()
+        row = checks.dataset.isel(sample=checks.dataset["file"].values.tolist().index(file))
+        assert float(row.score) == report.score and float(row.share_possible) == report.share_possible
+        assert float(row.balance) == report.balance and int(row.frames) == report.n
+        assert numbers["worst"]["q"] == report.motion.q[numbers["worst"]["frame"]].tolist()
+    possible, causes = (np.concatenate([getattr(r, name) for r in reports.values()]) for name in ("possible", "causes"))
+    assert checks.frames == len(possible) and checks.possible == pytest.approx(possible.mean())
+    assert checks.causes == pytest.approx({c: x for c, x in zip(CAUSES, causes.mean(axis=0), strict=True) if x})
+    assert list(checks.failed) == [str(folder / "broken.csv")]
+    assert checks.failed[str(folder / "broken.csv")][0] == Reason.BAD_INPUT
+    assert str(checks).endswith("broken.csv") and "1 file was not checked" in str(checks)
+    again = checks.report(checks.ranked[1][0])
+    assert again.score == checks.ranked[1][1]["score"]
+    with pytest.raises(InputError, match="hops"):
+        checks.report(str(folder / "hop.npz"))
+
+
+def test_two_processes_and_a_store_give_the_same(folder: Path, checks: MotionChecks, tmp_path: Path) -> None:
+    """What is stored is not computed again: files that are gone since are in it."""
+    copies = tmp_path / "copies"
+    copies.mkdir()
+    for name in ("a.npz", "hops.npz"):
+        (copies / name).write_bytes((folder / name).read_bytes())
+    pattern, store = [str(copies / "a.npz"), str(copies / "hops.npz")], tmp_path / "checks.zarr"
+    first = check_motions(pattern, robot="solo12", workers=2, out=store)
+    assert [x for _, x in first.ranked] == [x for _, x in checks.ranked[:2]]
+    (copies / "a.npz").unlink()
+    again = check_motions(pattern, robot="solo12", workers=0, out=store, progress=False)
+    assert again.ranked == first.ranked and not again.failed
+
+
+def test_robots_by_name_and_settings(folder: Path) -> None:
+    """A mapping of robots to files; a share of torque limits that is too low for standing."""
+    found = check_motions({"solo12": folder / "a.npz"}, workers=0, torque_limits=1e-4, self_collision=False)
+    ((_, numbers),) = found.ranked
+    assert numbers["causes"]["motor"] == numbers["frames"] and numbers["settings"]["torque_limits"] == 1e-4
+
+
+def test_the_page_has_all_motions_and_asks_for_nothing(checks: MotionChecks, tmp_path: Path) -> None:
+    """A row for each motion, causes, histograms, a picture and a page of the worst; names that occur twice stay apart."""
+    with warnings.catch_warnings(action="ignore"):
+        path = checks.export(tmp_path / "report", pages=3)
+    text = path.read_text()
+    assert sorted(each.name for each in path.parent.iterdir()) == ["a.html", "a_2.html", "hops.html", "index.html"]
+    assert text.count("<img src='data:image/png;base64,") == 3 and text.count("<svg") == 6
+    for word in ("3 motions of solo12", "hops.npz", "more/a.npz", "broken.csv", "floats", "slides", "default-src 'none'"):
+        assert word in text
+    assert "http" not in text.replace("http-equiv", "") and "None" not in text and "nan" not in text
+    assert checks.export(tmp_path / "none", pages=0).read_text().count("<img") == 0
+
+
+def test_a_data_set_of_files_that_cannot_be_read_has_no_page(folder: Path, tmp_path: Path) -> None:
+    """It is said; the dataset has the reasons."""
+    found = check_motions(folder / "broken.csv", robot="solo12", workers=0)
+    assert not found.ranked and found.frames == 0 and found.possible == 0.0
+    with pytest.raises(InputError, match="no motion was checked"):
+        found.export(tmp_path / "report")
+
+
+def test_a_still_shows_the_robot_its_shadow_and_the_force() -> None:
+    """A PNG of the size that is asked for: mostly paper, with dark pixels of the robot, and orange ones with a force."""
+    plt = pytest.importorskip("matplotlib.image")
+    solo = rbd.load_robot("solo12")
+    plain, pushed = (still(solo, solo.standing().q, push=push, size=80) for push in ((0, 0, 0), (0, 0, 0.5)))
+    assert struct.unpack(">2I", plain[16:24]) == (80, 80)
+    import io
+
+    one, two = (plt.imread(io.BytesIO(each))[..., :3] for each in (plain, pushed))
+    orange = lambda x: (x[..., 0] - x[..., 2] > 0.4).mean()  # noqa: E731
+    assert 0.4 < (one > 0.99).all(axis=2).mean() < 0.95 and (one.mean(axis=2) < 0.7).mean() > 0.05
+    assert orange(one) == 0.0 and orange(two) > 0.005
+
+
+def test_json_of_a_data_set(checks: MotionChecks) -> None:
+    """Its fields as plain data."""
+    found = json.loads(json.dumps({f.name: f.of(checks) for f in MotionChecks.fields}))
+    assert found["frames"] == checks.frames and [m["rank"] for m in found["motions"]] == [1, 2, 3]
+    assert found["failed"][0]["reason_code"] == 10 and set(found["figures"]) == {"balance", "feet", "motors"}
