@@ -22,6 +22,7 @@ from rbd.motion.file_frames import (
     counts_frames,
     file_times,
 )
+from rbd.motion.log_files import LOGS, is_log, of_log
 from rbd.motion.npz_files import of_named_arrays
 from rbd.robots.loading import load_robot
 from rbd.simulation.trajectory import Trajectory
@@ -32,7 +33,7 @@ _ARRAYS = (b"PK", *(b"\x80" + bytes([i]) for i in range(2, 6)), b"\x93NUMPY", *_
 """How archives, arrays of NumPy, pickles and compressed files of joblib begin."""
 PICKLES = (".pkl", ".pickle", ".joblib", ".p")
 """Suffixes of pickles, whose oldest protocols are text."""
-SUFFIXES = (".csv", ".txt", ".npz", ".npy", ".nc", *PICKLES)
+SUFFIXES = (".csv", ".txt", ".npz", ".npy", ".nc", *PICKLES, *LOGS)
 """Files of a folder that are read as motions; others are read where they are named."""
 
 
@@ -49,6 +50,8 @@ def read_frames(
     check_flag("progress", progress)
     if robot is not None and not isinstance(robot, CheckedModel):
         robot = load_robot(robot)
+    if is_log(where):
+        return of_log(where, robot, given)
     begins = _beginning(where)
     if kind == ".nc" or (begins.startswith(b"PK") and _is_trajectory(where)):
         motion = Trajectory.load(where, robot)

@@ -215,6 +215,7 @@ class Motion(Displayed):
           `qpos` and its rate (MuJoCo, LocoMuJoCo), also an .npy of it alone; `fps`, `joint_pos`, `body_pos_w`, `body_quat_w`
           (BeyondMimic, holosoma): the order of its joints is tried and proved by forward kinematics, or refused.
         - Trajectories of `rbd`, .npz or .nc.
+        - Logs, MCAP and rosbag2, with joint states and the pose of a base; `motion` names a topic. They need the extra `logs`.
 
         Pickles are read as data: NumPy arrays, dicts, lists, strings and numbers. All else is refused by name; nothing runs.
         Joints beyond their limits that fit in another unit or order, or with left and right exchanged, are refused.
@@ -231,7 +232,7 @@ class Motion(Displayed):
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             ground: Height of the floor [m]; by default 0, or that of the file.
-            motion: Name of the motion, of a file that holds several.
+            motion: Name of the motion, of a file that holds several; of a log, the topic of the joint states.
             trust: Take times, lengths, v and a of the file as they are; see `of_arrays`.
             progress: Show a bar on a terminal where reading takes long.
 
