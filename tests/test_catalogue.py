@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from types import SimpleNamespace
@@ -359,3 +360,50 @@ class TestLicences:
         assert catalogue.licence(catalogue.find("four_bar")) == "BSD-2-Clause"
         (tmp_path / "mine.urdf").write_text("<robot name='mine'><link name='a'/></robot>")
         assert catalogue.licence(catalogue.find(tmp_path / "mine.urdf")) == ""
+
+
+class TestDescribedRobots:
+    """H1 and H1-2, whose files another package downloads; here a package of its shape stands for it."""
+
+    @staticmethod
+    def package(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
+        """A package robot_descriptions with a module of H1."""
+        (folder / "robot_descriptions").mkdir()
+        (folder / "robot_descriptions" / "__init__.py").write_text("")
+        (folder / "robot_descriptions" / "h1_description.py").write_text(body)
+        monkeypatch.syspath_prepend(folder)
+        for name in ("robot_descriptions", "robot_descriptions.h1_description"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+
+    def test_h1_has_soles_and_stands(self, tmp_path, monkeypatch):
+        """The catalogue adds posture and soles to the file; both soles are on one level, below the centre of mass."""
+        mass = '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        joint = '<joint name="{0}_joint" type="revolute"><parent link="{1}"/><child link="{0}_link"/><origin xyz="{2}"/>'
+        joint += (
+            '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="99" velocity="9"/></joint><link name="{0}_link">' + mass
+        )
+        text = '<robot name="h1"><link name="pelvis">' + mass
+        for side, y in (("left", 0.2), ("right", -0.2)):
+            hip, knee, ankle = (f"{side}_{part}" for part in ("hip_pitch", "knee", "ankle"))
+            text += joint.format(hip, "pelvis", f"0.04 {y} -0.17") + joint.format(knee, f"{hip}_link", "0 0 -0.4")
+            text += joint.format(ankle, f"{knee}_link", "0 0 -0.4")
+        (tmp_path / "h1.urdf").write_text(text + "</robot>")
+        path = str(tmp_path / "h1.urdf")
+        self.package(tmp_path, monkeypatch, f"PACKAGE_PATH, URDF_PATH = {str(tmp_path)!r}, {path!r}\n")
+        stands = Standing("h1")
+        assert stands.source.name == "h1" and str(stands.source.urdf) == path and "h1" not in catalogue.names()
+        heights = []
+        for foot in stands.source.feet:
+            M = stands.data.oMf[stands.model.getFrameId(foot.frame)]
+            heights += [(M.act(foot.rotation @ [x, y, 0.0] + np.array(foot.translation)))[2] for x, y in foot.corners]
+        assert len(heights) == 8 and np.ptp(heights) < 1e-9
+
+    def test_without_the_package_or_a_network_the_way_is_told(self, tmp_path, monkeypatch):
+        """What to install, or the path to give."""
+        monkeypatch.setitem(sys.modules, "robot_descriptions", None)
+        with pytest.raises(ModelError, match="pip install robot_descriptions; or give the path of its URDF"):
+            catalogue.find("h1_2")
+        monkeypatch.delitem(sys.modules, "robot_descriptions")
+        self.package(tmp_path, monkeypatch, "raise OSError('Could not resolve host')\n")
+        with pytest.raises(ModelError, match="cannot download 'h1' by git: Could not resolve host; try again with a network"):
+            catalogue.find("h1")

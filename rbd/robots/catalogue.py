@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +26,7 @@ from rbd.errors.inputs import listed_items
 from rbd.model.input_files import is_file
 
 DATA = "example-robot-data"
+DESCRIPTIONS = "robot_descriptions"
 ROBOTS = f"cmeel.prefix/share/{DATA}/robots"  # inside site-packages; its meshes are named from share/
 MODEL_FILES = (".urdf", ".xml")
 _HERE = Path(__file__).parent
@@ -128,7 +130,8 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
     """The files, feet and postures of a robot.
 
     A plain name is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data,
-    then a file in the working folder; others are a path first, then a file of the robot data.
+    then a file in the working folder; others are a path first, then a file of the robot data. "h1" and "h1_2" are looked up in
+    the package `robot_descriptions`, which downloads them.
 
     Args:
         name_or_path: `"talos"`, `"four_bar"`, `"tiago_dual"`, `"ur_description/urdf/ur5_robot.urdf"` or the path of any model
@@ -137,7 +140,7 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
 
     Raises:
         UnknownRobot: if the name is unknown; the message has the nearest names.
-        ModelError: if the file is missing or known to be broken, or the robot data are not installed.
+        ModelError: if the file is missing or known to be broken, or the robot data, or that package, are not installed.
 
     >>> find("talos").urdf.name, [foot.name for foot in find("talos").feet]
     ('talos_reduced.urdf', ['left_sole', 'right_sole'])
@@ -148,6 +151,8 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
     looks_like_path = not isinstance(name_or_path, str) or path.suffix in MODEL_FILES or path.name != name
     if looks_like_path and is_file(path):
         return _source(path, extra)
+    if isinstance(name_or_path, str) and name in _entries("described"):
+        return _described(name, extra)
     if isinstance(name_or_path, str) and (known := _by_name(name)):
         return _source(known, extra)
     if is_file(path):
@@ -281,14 +286,42 @@ def _source(urdf: Path, extra: tuple[Path, ...]) -> RobotSource:
     if inside in BROKEN:
         raise ModelError(f"{inside!r} of {DATA} is broken: {BROKEN[inside]}.")
     key, entry = next(((k, e) for k, e in _entries().items() if inside and e["file"] == inside), (urdf.stem, {}))
-    srdf = shares[1] / entry["srdf"] if "srdf" in entry else _srdf_beside(urdf)
+    return _with_entry(urdf, (*extra, urdf.parent, *shares), key, entry, known=bool(inside))
+
+
+def _described(name: str, extra: tuple[Path, ...]) -> RobotSource:
+    """A robot of the package robot_descriptions, which is imported here, and downloads its files when they are not there.
+
+    Raises:
+        ModelError: the package is not installed, or there is no network.
+    """
+    entry = _entries("described")[name]
+    other = "or give the path of its URDF: rbd.load_robot('h1.urdf', feet=['left_ankle_link', 'right_ankle_link'])"
+    try:
+        module = import_module(f"{DESCRIPTIONS}.{entry['description']}")
+        folder, file = Path(module.PACKAGE_PATH), Path(module.URDF_PATH)
+    except ImportError as error:
+        raise ModelError(
+            f"{name!r} comes with the package {DESCRIPTIONS}; try: pip install {DESCRIPTIONS}; {other}."
+        ) from error
+    except Exception as error:  # of git, of the network, of a folder that cannot be written
+        told = str(error).strip().splitlines()[-1:] or [type(error).__name__]
+        raise ModelError(
+            f"{DESCRIPTIONS} cannot download {name!r} by git: {told[0]:.200}; try again with a network, {other}."
+        ) from error
+    urdf = folder / entry["file"] if "file" in entry else file
+    return _with_entry(urdf, (*extra, urdf.parent, folder.parent), name, entry)
+
+
+def _with_entry(urdf: Path, folders: tuple[Path, ...], key: str, entry: Mapping[str, Any], known: bool = False) -> RobotSource:
+    """A model file with what a table says of it."""
+    srdf = robots_folder() / entry["srdf"] if "srdf" in entry else _srdf_beside(urdf)
     postures = {name: dict(angles) for name, angles in entry.get("postures", {}).items()}
     in_degrees = entry.get("postures_deg", {}).items()
     postures |= {name: {joint: math.radians(angle) for joint, angle in angles.items()} for name, angles in in_degrees}
     soles = tuple(_sole(name, data) for name, data in entry.get("soles", {}).items())
     points = tuple(_point(name, data, entry["sphere"]) for name, data in entry.get("points", {}).items())
-    package_dirs = tuple(dict.fromkeys((*extra, urdf.parent, *shares)))
-    return RobotSource(key, urdf, srdf, package_dirs, soles + points, postures, entry.get("posture"), known=bool(inside))
+    return RobotSource(key, urdf, srdf, tuple(dict.fromkeys(folders)), soles + points, postures, entry.get("posture"), known)
 
 
 def _srdf_beside(urdf: Path) -> Path | None:
@@ -298,9 +331,9 @@ def _srdf_beside(urdf: Path) -> Path | None:
 
 
 @cache
-def _entries() -> dict[str, dict[str, Any]]:
-    """The tables of `data/robots.toml`, with `like` carried out."""
-    tables = tomllib.loads((Path(__file__).parent / "data" / "robots.toml").read_text(encoding="utf-8"))
+def _entries(file: str = "robots") -> dict[str, dict[str, Any]]:
+    """The tables of `data/robots.toml`, or of another file beside it, with `like` carried out."""
+    tables = tomllib.loads((Path(__file__).parent / "data" / f"{file}.toml").read_text(encoding="utf-8"))
     for key, table in tables.items():  # in the order of the file: a `like` refers to an entry above it
         if "like" in table:
             tables[key] = {**tables[table["like"]], **table}
