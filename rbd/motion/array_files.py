@@ -16,6 +16,8 @@ from rbd.errors.inputs import check_known
 from rbd.motion.pickled_data import unpickled
 from rbd.simulation.trajectory_file import FREE, TIMES, npy_array, npz_arrays
 
+LARGEST = 1e15
+"""Numbers beyond this are none of a motion: their squares would overflow further on."""
 LISTED = 20
 """Names of motions, or of arrays, in a message."""
 
@@ -56,9 +58,10 @@ class NamedArrays:
         if x.dtype.kind in "US":
             raise InputError(f"{self.path.name}: {name} is text; expected numbers.")
         x = np.atleast_1d(x.astype(float))
-        if not np.isfinite(x).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(x))[0])
-            raise InputError(f"{self.path.name}: {name}{list(where)} is {x[where]}; expected a finite number.")
+        odd = ~(np.abs(x) <= LARGEST)
+        if odd.any():
+            where = tuple(int(i) for i in np.argwhere(odd)[0])
+            raise InputError(f"{self.path.name}: {name}{list(where)} is {x[where]:g}; expected a finite number.")
         return x
 
     def texts(self, name: str) -> list[str] | None:
