@@ -57,7 +57,8 @@ class NamedArrays:
         x = self.arrays[name]
         if x.dtype.kind in "US":
             raise InputError(f"{self.path.name}: {name} is text; expected numbers.")
-        x = np.atleast_1d(x.astype(float))
+        with np.errstate(invalid="ignore"):  # of a signalling NaN
+            x = np.atleast_1d(x.astype(float))
         odd = ~(np.abs(x) <= LARGEST)
         if odd.any():
             where = tuple(int(i) for i in np.argwhere(odd)[0])

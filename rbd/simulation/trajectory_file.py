@@ -14,6 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,7 +45,9 @@ INVALID_BYTES = (
     NotImplementedError,
     RuntimeError,
     SyntaxError,
+    TokenError,
     TypeError,
+    AttributeError,
 )
 """Exceptions of zipfile and NumPy on invalid bytes."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import pickle
 
 import numpy as np
@@ -316,3 +317,41 @@ class TestWriting:
         with pytest.raises(InputError, match="no floating base"):
             Motion.of_arrays(arm, steps.t, np.zeros((90, arm.nq))).save(tmp_path / "a.npz", kind="mujoco")
         assert not list(tmp_path.iterdir())
+
+
+def test_broken_files_are_refused_or_read(steps, parts, g1, tmp_path):
+    """Pickles, .npz and .npy with bytes changed, left out, doubled: an `InputError`, or a motion of this robot."""
+    few = {name: x[:12] if isinstance(x, np.ndarray) else x for name, x in gmr(parts).items()}
+    loco = {"qpos": parts["qpos"][:12], "fps": 60, "metadata": np.array(None, dtype=object), "split_points": [0, 6, 12]}
+    seeds = [pickle.dumps(each, protocol) for protocol in (0, 2, 4, 5) for each in (few, {"walk": few}, loco)]
+    for save in (lambda file: np.savez(file, **loco), lambda file: np.save(file, few)):
+        save(held := io.BytesIO())
+        seeds.append(held.getvalue())
+    rng, read, path = np.random.default_rng(2), 0, tmp_path / "x.pkl"
+    for i in range(500):
+        data = bytearray(seeds[i % len(seeds)])
+        at, n = int(rng.integers(len(data) if i % 2 else min(len(data), 400))), int(rng.integers(1, 12))
+        new = [bytes(rng.integers(0, 256, 1, dtype=np.uint8)), b"", bytes(data[at : at + n]) * 2]
+        data[at : at + (1 if i % 3 == 0 else n)] = new[i % 3]
+        path.write_bytes(bytes(data))
+        try:
+            read += Motion.read(path, robot=g1).robot is g1
+        except InputError as error:
+            assert len(str(error)) < 2000
+    assert 20 < read < 300
+
+
+def test_headers_and_numbers_that_are_none(parts, g1, tmp_path):
+    """A header of an .npy that is no Python, a text where bytes belong, numbers whose squares overflow."""
+    np.save(tmp_path / "a.npy", parts["qpos"])
+    data = (tmp_path / "a.npy").read_bytes()
+    (tmp_path / "b.npy").write_bytes(data.replace(b"'shape': (90, 36)", b"'shape': (((((((("))
+    with pytest.raises(InputError, match="no .npy that can be read"):
+        Motion.read(tmp_path / "b.npy", robot=g1)
+    (tmp_path / "c.pkl").write_bytes(b"\x80\x02c_codecs\nencode\nK\x01X\x06\x00\x00\x00latin1\x86R.")
+    with pytest.raises(InputError, match="no pickle that can be read"):
+        Motion.read(tmp_path / "c.pkl", robot=g1)
+    far = parts["pos"].copy()
+    far[3, 1] = 1e200
+    with pytest.raises(InputError, match=r"root_pos\[3, 1\] is 1e\+200"):
+        Motion.read(pickled(tmp_path / "d.pkl", gmr(parts) | {"root_pos": far}), robot=g1)
