@@ -287,6 +287,29 @@ def _what_it_shows(report: MechanismReport) -> str:
     return f"{len(report.branches)} branches with {fixed}".replace("_joint", "").replace(" deg", "\N{DEGREE SIGN}")
 
 
+def motion_checks() -> Path:
+    """The page of a data set: G1 leans at four speeds, slides, hovers on one foot, and stands on tilted soles."""
+    rng = np.random.default_rng(0)
+    g1, lean = rbd.load_robot("g1"), scenes.lean(0.6)
+    ankles = [g1.joints[f"{side}_ankle_pitch_joint"].q.start for side in ("left", "right")]
+    leg = [g1.joints[f"right_{name}_joint"].q.start for name in ("hip_pitch", "knee", "ankle_pitch")]
+    made = {f"lean_at_{speed:g}": scenes.lean(speed) for speed in (0.6, 1.0, 1.7, 3.0)}
+    for name, where, by in (
+        *((f"tilt_{degrees}", ankles, np.deg2rad(degrees)) for degrees in (2, 4, 6, 9)),
+        *((f"hover_{bend}", leg, 0.01 * bend * np.array([-1.0, 2.0, -1.0])) for bend in (4, 6, 8)),
+        *((f"slip_{speed}", [0], 1e-3 * speed * lean.t[:, None]) for speed in (10, 40)),
+        *((f"noise_{size}", np.arange(7, g1.nq), 1e-3 * size * rng.standard_normal((lean.n, g1.nq - 7))) for size in (1, 3)),
+    ):
+        q = lean.q.copy()
+        q[:, where] += by
+        made[name] = rbd.Motion.of_arrays(g1, lean.t, q)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, motion in made.items():
+            motion.save(Path(folder) / f"{name}.npz")
+        page = rbd.studies.check_motions(folder, robot=g1, workers=0).export(Path(folder) / "report", pages=6)
+        return screenshot(page, PICTURES / "motion_checks.png", width=1180, height=880)
+
+
 def robots() -> Path:
     """The contact sheet: nine robots at rest on their feet, with the forces that carry them."""
     return contact_sheet(STANDING, PICTURES / "robots.png")
@@ -296,6 +319,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "talos": partial(scene, "talos", 1100, 900),
     "hand_on_a_wall": partial(scene, "hand_on_a_wall", 1000, 820),
     "motion_check": partial(scene, "motion_check", 1200, 720),
+    "motion_checks": motion_checks,
     "nearest_motion": partial(scene, "nearest_motion", 1200, 720),
     "four_bar": partial(scene, "four_bar", 900, 640),
     "double_pendulum": partial(scene, "double_pendulum", 900, 640),

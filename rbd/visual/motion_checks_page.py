@@ -187,7 +187,7 @@ def _histogram(title: str, unit: str, values: np.ndarray, top: float | None) -> 
         f"<title>{c} motions from {i * most / BINS:.3g} to {(i + 1) * most / BINS:.3g} {unit}</title></rect>"
         for i, c in enumerate(counts.tolist()) if c
     )  # fmt: skip
-    median = float(np.median(values))
+    median = round(float(np.median(values)), 6)
     x = 180.0 * min(median / most, 1.0)
     text = "<text y='106' font-size='11' fill='#52606d'"
     return (
