@@ -147,6 +147,10 @@ def _read(path: Path, changed: int, size: int) -> dict[str, Mapping[str, Any]]:
     except (OSError, MemoryError) as error:
         raise InputError(f"{str(path)!r:.200} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     value: Any
+    if data.startswith(b"PK") and b"data.pkl" in data[:200]:
+        raise InputError(
+            f"{path.name} is a file of PyTorch, which is not read; save arrays instead: numpy.savez(path, qpos=...)."
+        )
     if data.startswith(b"PK"):
         value = npz_arrays(path, "biufUS", lambda held: unpickled(held, path.name))
     elif data.startswith(b"\x93NUMPY"):

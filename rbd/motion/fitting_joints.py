@@ -27,6 +27,8 @@ LOOKED = 300
 STILLER, REFUSED = 1.3, 2.5
 """The feet stand so many times stiller with left and right exchanged: then it is said; then it is refused. Of seven clips, as
 they are, it is 0.02 to 0.45."""
+CARRIES = np.array([0.01, 0.05])
+"""The lower foot's step in a frame, and the spread of its height, beyond which the feet carry nothing and tell nothing [m]."""
 STILL, LEVEL = 1e-3, 1e-4
 """Added to speeds [m/s] and heights [m] that are compared, so that a robot at rest tells nothing."""
 
@@ -88,7 +90,7 @@ def _check_sides(robot: CheckedModel, names: list[str], x: Array, q: Array, swap
     base = q[near, :3], q[near, 3:7]
     as_is, other = (_unrest(robot, configurations(robot, base, names, y)) for y in (x[near], x[near][:, swapped]))
     ratio = float(np.prod(as_is) / np.prod(other))
-    if ratio < STILLER or (other > 0.9 * as_is).any():
+    if ratio < STILLER or (other > 0.9 * as_is).any() or (other > CARRIES).any():
         return []
     told = (
         f"with left and right exchanged the lower foot moves {1e3 * other[0]:.2g} mm a frame in place of {1e3 * as_is[0]:.2g}, "

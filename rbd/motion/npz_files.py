@@ -43,10 +43,12 @@ from rbd.motion.file_frames import (
     check_unit,
     configurations,
     file_times,
+    joint_values,
     rounding_noise,
     single_step,
     unit_of,
 )
+from rbd.motion.fitting_joints import check_joints
 from rbd.robots.loading import load_robot
 from rbd.robots.travelling import given_texts
 
@@ -125,6 +127,9 @@ def _of_q(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames
     stored = file.arrays["q"]
     rounding = rounding_noise(robot, single_step(stored[:, :3]), single_step(stored[:, 3:7]), robot.joints, single_step(stored))
     turns = given.quaternion or (None if own is None else "xyzw")
+    if own is None and not given.trust:
+        moving = single_joints(robot)
+        told += check_joints(robot, moving, joint_values(robot, q, moving), q, path.name, given.units)
     notes = (*(file.texts("notes") or ()), *told)
     return Frames(robot, t, q, v, a, how, notes, rounding, float(ground[0]) if len(ground) == 1 else 0.0, turns)
 

@@ -26,8 +26,8 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.simulation.trajectory_file import FREE, TIMES
 
-INVALID = (ValueError, TypeError, AttributeError, LookupError, ArithmeticError, EOFError, OSError, MemoryError, struct.error)
-INVALID += (zlib.error, lzma.LZMAError)
+INVALID: tuple[type[Exception], ...] = (ValueError, TypeError, AttributeError, LookupError, ArithmeticError, EOFError, OSError)
+INVALID += (MemoryError, struct.error, zlib.error, lzma.LZMAError)
 """Exceptions of `pickletools`, of decompressors and of this module on invalid bytes."""
 _TYPE = re.compile(r"[<>=|]?(?:b1|[iu][1248]|f[248]|[SU]\d{1,5}|O8?)$")
 _PUSHED = frozenset(

@@ -233,7 +233,7 @@ class Motion(Displayed):
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             ground: Height of the floor [m]; by default 0, or that of the file.
             motion: Name of the motion, of a file that holds several; of a log, the topic of the joint states.
-            trust: Take times, lengths, v and a of the file as they are; see `of_arrays`.
+            trust: Take times, lengths, joints, v and a of the file as they are; see `of_arrays`.
             progress: Show a bar on a terminal where reading takes long.
 
         Raises:

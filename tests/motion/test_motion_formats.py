@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+from zipfile import ZipFile
 
 import numpy as np
 import pinocchio as pin
@@ -199,6 +200,42 @@ class TestWhatCannotBe:
         dof = np.degrees(0.15 * parts["dof"])
         with pytest.raises(InputError, match="they fit g1 in degrees, units='deg'"):
             Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": dof}), robot=g1)
+
+    def test_a_base_in_millimetres_and_frames_as_times(self, parts, g1, tmp_path):
+        """Asked about by the height of the base; frames that are counted need a rate."""
+        with pytest.raises(InputError, match="Is its position in millimetres"):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"root_pos": 1000.0 * parts["pos"]}), robot=g1)
+        np.savez(tmp_path / "b.npz", qpos=parts["qpos"], time=np.arange(90.0))
+        with pytest.raises(InputError, match="time counts frames, 0, 1, 2, ...; give rate=30"):
+            Motion.read(tmp_path / "b.npz", robot=g1)
+        assert Motion.read(tmp_path / "b.npz", robot=g1, rate=60).rate == pytest.approx(60.0)
+        with ZipFile(tmp_path / "c.pt", "w") as archive:
+            archive.writestr("archive/data.pkl", b"\x80\x02}.")
+        with pytest.raises(InputError, match="is a file of PyTorch"):
+            Motion.read(tmp_path / "c.pt", robot=g1)
+
+    def test_sides_are_told_by_the_feet(self, steps, parts, g1, tmp_path):
+        """One leg stands still and the other is lifted: exchanged, the standing one would slide. Of `q` and `t` as well."""
+        t = np.arange(90) / 60.0
+        q = np.tile(g1.standing().q, (90, 1))
+        bend = 0.3 * np.sin(3.0 * t) ** 2
+        for name, share in (("hip_pitch", -0.45), ("knee", 1.0), ("ankle_pitch", -0.55)):
+            q[:, g1.joints[f"right_{name}_joint"].q.start] += share * bend  # lifted
+        lean = -0.06 * np.sin(6.0 * t) ** 2  # the right hip rises
+        q[:, 3:7] = exponential(np.stack([lean, 0.0 * t, 0.0 * t], axis=1))
+        q[:, g1.joints["left_hip_roll_joint"].q.start] -= lean
+        names = list(file_order(g1))
+        data = g1.model.createData()
+        for row in q:  # the left foot stays where it is
+            pin.framesForwardKinematics(g1.model, data, row)
+            row[:3] -= data.oMf[g1.frame_id("left_ankle_roll_link")].translation - [0.0, 0.1, 0.04]
+        np.savez(tmp_path / "a.npz", q=q, t=t)
+        assert not any("exchanged" in note for note in Motion.read(tmp_path / "a.npz", robot=g1).notes)
+        other = [names.index(n.replace("left", "?").replace("right", "left").replace("?", "right")) for n in names]
+        q[:, 7:] = q[:, 7:][:, other]
+        np.savez(tmp_path / "a.npz", q=q, t=t)
+        with pytest.raises(InputError, match="with left and right exchanged the lower foot moves"):
+            Motion.read(tmp_path / "a.npz", robot=g1)
 
     def test_another_order(self, steps, parts, g1, tmp_path):
         """Breadth-first, by limits."""
