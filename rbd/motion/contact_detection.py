@@ -29,6 +29,7 @@ REST_SPEED = 5e-3
 """A point that moves along the floor faster than this slides [m/s]."""
 NOISE = 3.0
 """How many standard deviations of noise are no slip."""
+NOTHING = "nothing touches the floor"
 LONGEST_FLIGHT = 1.0
 """A time without contacts as long as this is noted [s]."""
 _LEAST = 3
@@ -171,7 +172,7 @@ def _nothing_touches(t: Array, touches: Array) -> tuple[str, ...]:
     if long < LONGEST_FLIGHT:
         return ()
     return (
-        f"nothing touches the floor for {long:.2f} s, from {t[a]:.2f} to {t[b - 1]:.2f} s, longer than any jump: another floor "
+        f"{NOTHING} for {long:.2f} s, from {t[a]:.2f} to {t[b - 1]:.2f} s, longer than any jump: another floor "
         "(ground=), a step or a chair that the file does not have, or other bodies than feet (bodies=True, --bodies)?",
     )
 

@@ -332,7 +332,15 @@ def _made(
         notes.insert(1, f"it is possible on contacts up to {1e3 * off:.0f} mm off the floor, as those of the reference are.")
     speeds, noise = slopes(motion.t[:n], places[..., :2], on, np.zeros(len(lanes.points)))
     own = ContactTimeline(
-        motion.t[:n], lanes.points, on, np.zeros_like(on), places[..., 2] - lanes.ground, speeds, places, lanes.ground, noise,
+        motion.t[:n],
+        lanes.points,
+        on,
+        np.zeros_like(on),
+        places[..., 2] - lanes.ground,
+        speeds,
+        places,
+        lanes.ground,
+        noise,
         np.zeros_like(on),
     )
     return Motion.of_arrays(

@@ -16,6 +16,7 @@ from rbd.errors import InputError, PictureError
 from rbd.installation import VERSION
 from rbd.model.output_files import write_text
 from rbd.motion.causes import FIGURES
+from rbd.motion.contact_detection import NOTHING
 from rbd.visual.playback.report_motion import cause_colors
 from rbd.visual.stills import still
 
@@ -116,7 +117,9 @@ def export_motion_checks(checks: Any, folder: str | os.PathLike[str], *, pages: 
     parts = [_tiles(checks), _causes(checks), _histograms([x for _, x in checks.ranked])]
     if worst:
         parts.append(f"<h2>The worst motions, at their worst frames</h2><div class='worst'>{''.join(worst)}</div>")
-    parts += [_all(checks, links), _failed(checks)]
+    notes = {file: " ".join(told) for file, x in checks.ranked if (told := [n for n in x["notes"] if n.startswith(NOTHING)])}
+    failed = {file: message for file, (_, message) in checks.failed.items()}
+    parts += [_all(checks, links), _told("Without contacts for long", notes), _told("Not checked", failed)]
     path = place / "index.html"
     write_text(path, _PAGE.substitute(title=html.escape(title), about=html.escape(about), body="\n".join(parts)))
     return path
@@ -230,7 +233,8 @@ def _all(checks: Any, links: Mapping[str, str]) -> str:
     )
 
 
-def _failed(checks: Any) -> str:
-    rows = (f"<tr><td>{html.escape(f)}</td><td class='left'>{html.escape(m)}</td></tr>" for f, (_, m) in checks.failed.items())
+def _told(title: str, words: Mapping[str, str]) -> str:
+    """What is told of some files, as a table; empty without any."""
+    rows = (f"<tr><td>{html.escape(f)}</td><td class='left'>{html.escape(text)}</td></tr>" for f, text in words.items())
     body = "".join(rows)
-    return f"<h2>Not checked</h2><table><tbody>{body}</tbody></table>" if body else ""
+    return f"<h2>{title}</h2><table><tbody>{body}</tbody></table>" if body else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import rbd
@@ -206,3 +207,20 @@ def test_sensitivity_to_heights(g1: rbd.Robot) -> None:
         report = check_motion(with_tilt(standing(g1), degrees))
         assert list(report.possible_at.values()) == at and report.feet == 0.0 and report.balance == report.motors == 1.0
     assert list(check_motion(standing(g1)).possible_at.values()) == [1.0, 1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "degrees", "cause"),
+    [("talos", -5.0, "tilted sole"), ("romeo", 5.0, "tilted sole"), ("icub", 5.0, "tilted sole")]
+    + [(name, 2.0, "hovering foot") for name in ("go2", "solo12", "anymal_c")],
+)
+def test_robots_that_lean_as_a_whole(name: str, degrees: float, cause: str) -> None:
+    """Soles of other humanoids tilt with the trunk; of quadrupeds the hind feet rise, or the front ones."""
+    robot = rbd.load_robot(name)
+    q = robot.standing().q.copy()
+    lean = pin.SE3(pin.rpy.rpyToMatrix(0.0, np.deg2rad(degrees), 0.0), np.zeros(3))
+    q[:7] = pin.SE3ToXYZQUAT(lean * pin.XYZQUATToSE3(q[:7]))
+    t = np.arange(31) / RATE
+    report = check_motion(Motion.of_arrays(robot, t, np.tile(q, (len(t), 1))), self_collision=False, torque_limits=False)
+    assert causes(report) == {cause} and report.of_cause(cause).all() and report.balance == 1.0
+    assert report.lanes.touches.all() and report.possible_at[0.03] == 1.0
