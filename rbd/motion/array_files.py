@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,8 @@ def _motions(path: Path) -> dict[str, Mapping[str, Any]]:
     """{name of a motion: what is stored of it, by name}."""
     try:
         stat = path.stat()
+        if not S_ISREG(stat.st_mode):
+            raise OSError("it is no file")
     except OSError as error:
         raise InputError(f"{str(path)!r:.200} cannot be read: {error.strerror or error}.") from error
     return _read(path, stat.st_mtime_ns, stat.st_size)

@@ -171,20 +171,22 @@ def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> F
     base, told = chosen_order(robot, turn[:, base_body], given.quaternion or "wxyz", path.name)
     notes += told
     turn = turn if given.quaternion == "xyzw" else turn[:, :, [1, 2, 3, 0]]
-    errors = {}
+    errors, named = {}, given.joints is not None or file.texts("joint_names") is not None
     for what, names in _orders(file, robot, given.joints, x.shape[1]).items():
         unit = unit_of(robot, names, x, given.units, path.name)
         q = configurations(robot, (place[:, base_body], base), names, x * unit)
         far, angle, links = _error(robot, q, place, turn)
         errors[what] = f"{1e3 * far:.3g} mm, {angle:.2g} rad"
-        if angle <= TURNED and far <= (REVISED if "joint_names" in file or given.joints is not None else NEAR):
+        if angle <= TURNED and far <= (REVISED if named else NEAR):
             other = "; distances are those of another revision of the robot" if far > NEAR else ""
             notes.append(
                 f"joints are in the order of {what}: {min(PROVED, n)} frames of {place.shape[1]} bodies agree with kinematics "
                 f"to {1e3 * far:.2g} mm and {angle:.1g} rad{other}."
             )
             unseen = [name for name in names if not links & set(robot.model.subtrees[robot.joint_id(name)])]
-            if unseen:
+            if unseen and named:
+                notes.append(f"no body shows the angles of {', '.join(unseen):.300}; they are in the order of their names.")
+            elif unseen:
                 raise InputError(
                     f"{path.name}: no body shows the angles of {', '.join(unseen)[:300]}, so their order is not proved. "
                     "Such a file needs the last link of every limb, or save q and t instead."

@@ -282,6 +282,9 @@ class TestProvedOrder:
         np.savez(tmp_path / "few.npz", **few)
         with pytest.raises(InputError, match="no body shows the angles of .*left_wrist_yaw_joint"):
             Motion.read(tmp_path / "few.npz", robot=g1)
+        named = Motion.read(tmp_path / "few.npz", robot=g1, joints=list(breadth_first(g1)))
+        assert any("they are in the order of their names" in note for note in named.notes)
+        assert np.abs(named.q[:, 7:] - dance.q[:, 7:]).max() < 1e-12
 
     def test_single_precision_is_counted_as_noise(self, dance, g1, arrays, tmp_path):
         """What float32 rounds off; double precision leaves none."""
