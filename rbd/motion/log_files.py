@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -45,7 +46,7 @@ class _Track:
 
 def is_log(path: Path) -> bool:
     """Whether a path is one of a log: by its suffix, or a folder of rosbag2."""
-    return path.suffix.lower() in LOGS or (path / "metadata.yaml").is_file()
+    return path.suffix.lower() in LOGS or os.path.isfile(path / "metadata.yaml")
 
 
 def of_log(path: Path, robot: CheckedModel | None, given: ReadSettings) -> Frames:
