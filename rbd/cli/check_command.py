@@ -160,7 +160,9 @@ def check(
                 print_path(console, "page", checks.export(html))
             if store is not None:
                 print_path(console, "store", store)
-            if checks.dataset.attrs.get("interrupted"):
+            if checks.left:
+                kept = "Nothing was kept; --store would." if store is None else "The same command goes on."
+                console.print(f"Ended by Ctrl-C before {counted(checks.left, 'motion')}. {kept}", highlight=False)
                 raise typer.Exit(INTERRUPTED)
         if show:
             play(console, report)

@@ -46,7 +46,6 @@ _SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
 _SIZES = {
     "sinks": (1e3, "mm below the floor"),
     "slides": (1e3, "mm/s"),
-    "tilted sole": (180.0 / np.pi, "degrees"),
     "hovering foot": (1e3, "mm above the floor"),
     **dict.fromkeys(FIGURES["balance"], (1e2, "% of the weight missing")),
 }
@@ -529,6 +528,9 @@ class MotionReport(Displayed):
             return ""
         f = int(frames[0])
         told = f", worst {', '.join(f'{int(i)} ({t[i]:.2f} s)' for i in frames)}"
+        if cause == "tilted sole":
+            tilt, edge = (x[f].max() for x in (self.feet_faults.tilt, self.feet_faults.edge))
+            return f"{told}: {np.rad2deg(tilt):.0f} degrees, its edge {1e3 * edge:.0f} mm up"
         if cause in _SIZES:
             factor, words = _SIZES[cause]
             return f"{told}: {factor * self._badness(cause)[f]:.0f} {words}"

@@ -196,10 +196,19 @@ class MotionChecks(Displayed):
 
     @lazy
     def failed(self) -> dict[str, tuple[Reason, str]]:
-        """{file: why it was not checked, and the message}."""
+        """{file: why it was not checked, and the message}; without those that were not begun."""
         d = self.dataset
         rows = zip(self._files, d["ok"].values, d["reason"].values, d["message"].values, strict=True)
-        return {file: (Reason.of_code(code), str(message)) for file, ok, code, message in rows if not ok}
+        return {
+            file: (Reason.of_code(code), str(message))
+            for file, ok, code, message in rows
+            if not (ok or code == Reason.NOT_RUN.code)
+        }
+
+    @property
+    def left(self) -> int:
+        """How many motions were not begun, after Ctrl-C."""
+        return int((self.dataset["reason"].values == Reason.NOT_RUN.code).sum())
 
     @property
     def _files(self) -> list[str]:
@@ -264,4 +273,6 @@ class MotionChecks(Displayed):
         if self.failed:
             many = len(self.failed) != 1
             lines.append(f"{len(self.failed)} file{'s were' if many else ' was'} not checked: {', '.join(self.failed)}")
+        if self.left:
+            lines.append(f"not begun: {self.left} of {self.dataset.sizes['sample']} files")
         return "\n".join(lines)

@@ -13,7 +13,7 @@ import pytest
 import rbd
 from rbd.errors import InputError, Reason
 from rbd.motion import CAUSES, Motion
-from rbd.studies import MotionChecks, check_motions
+from rbd.studies import MotionChecks, check_motions, motion_checks
 from rbd.visual.stills import still
 
 
@@ -73,6 +73,22 @@ def test_two_processes_and_a_store_give_the_same(folder: Path, checks: MotionChe
     (copies / "a.npz").unlink()
     again = check_motions(pattern, robot="solo12", workers=0, out=store, progress=False)
     assert again.ranked == first.ranked and not again.failed
+
+
+def test_ctrl_c_keeps_what_is_done(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second motion is interrupted: the first is there, the others were not begun."""
+    files, seen = [folder / "a.npz", folder / "hops.npz", folder / "more/a.npz"], list[str]()
+
+    def interrupted(motion: Motion, **settings: object) -> rbd.MotionReport:
+        seen.append(motion.source)
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+        return rbd.check_motion(motion, **settings)
+
+    with monkeypatch.context() as patched, pytest.warns(rbd.errors.StudyWarning, match="Ctrl-C"):
+        patched.setattr(motion_checks, "check_motion", interrupted)
+        first = check_motions(files, robot="solo12", workers=0)
+    assert len(first.ranked) == 1 and first.left == 2 and not first.failed and "not begun: 2 of 3 files" in str(first)
 
 
 def test_robots_by_name_and_settings(folder: Path) -> None:
