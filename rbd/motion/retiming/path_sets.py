@@ -9,7 +9,7 @@ of the forces that (u, x) changes, and the line through it, across the way there
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -67,19 +67,23 @@ class PathSet:
         normals: Of the half-planes normals . (u, x) <= sides, shape (r, 2).
         sides: Shape (r,).
         causes: What each of them stands for: "fastest", "speed limit of ...", "motor of ...", "balance".
-        program: Of contact forces and (u, x) over `scale`; None where no force can act: the half-planes are then the set.
-        scale: What the program's (u, x) are divided by, shape (2,).
+        program: (rows of forces over the weight, rows of (u, x) over `scale`, their lower and upper bounds), of balance, then of
+            torques that forces change; None where no force can act: the half-planes are then the set.
+        mu: Friction of these forces.
+        scale: What (u, x) are divided by there, shape (2,).
         metric: Their inner product, shape (2, 2).
-        motors: Names of the motors in the program's last rows.
+        motors: Names of the motors in the last rows.
         missed: What may be missing here, as it is missing in the motion as it was, else at rest, over weight and weight times
             `LENGTH`, shape (6,).
-        empty: Whether the program has no solution.
+        empty: Whether it was found to be empty.
+        known: Points of it that were found.
     """
 
     normals: Array
     sides: Array
     causes: list[str]
-    program: Conic | None
+    program: tuple[Array, Array, Array, Array] | None
+    mu: float
     scale: Array
     metric: Array
     motors: list[str]
@@ -104,8 +108,11 @@ class PathSet:
         outside = max(self.beyond(p), 0.0)
         if self.program is None or self.knows(p):
             return outside
-        z, n = p / self.scale, len(self.program.g) - 2
-        posed = replace(self.program, g=np.append(np.zeros(n), -self.metric @ z))
+        forces, pair, low, high = self.program
+        z, n = p / self.scale, forces.shape[1]
+        cones, mu = np.arange(n).reshape(-1, 3), np.full(n // 3, self.mu)
+        blocks = {"forces": Unknowns(n, cones=cones, mu=mu), "p": Unknowns(2, self.metric, -self.metric @ z)}
+        posed = Conic.of(blocks, [], [({"forces": forces, "p": pair}, low, high)])
         found = interior_point(posed)
         if found.outcome is not Outcome.NOT_FOUND or posed.outside(found.x) > _MET:
             found = solve_conic(posed, newton=False, tolerance=_MET)
@@ -185,62 +192,66 @@ class PathSets:
 
     def _made(self, places: Array) -> list[PathSet]:
         robot, limits = self.motion.robot, self.limits
-        q, q1, q2 = self.path(self.time(places))
-        rows = self.rows(q, q1, q2)  # (m, 3, nv): of 1, u, x
-        motors, names = robot.actuated, robot.actuated_names
+        path = self.path(self.time(places))
+        rows = self.rows(*path)
         known = np.isfinite(limits.torque)
-        torque = rows[:, :, motors] / np.where(known, limits.torque, 1.0)
-        base, A, T, touching = np.zeros((len(places), 3, 0)), None, None, np.zeros((len(places), 0), bool)
-        missed = np.zeros((len(places), 6))
-        if robot.floating:
-            assert self.lanes is not None
-            terms = FrameTerms.of(robot, q, q1, q2, None)
-            scale = wrench_scale(robot)
-            base = np.stack([terms.to_wrench(rows[:, i, :6]) for i in range(3)], axis=1) / scale
-            touching, at = self.touches(places), self.points_at(q)
-            A = terms.wrench_map(at, touching) * (scale[0] / scale)[:, None, None]
-            for need in (base[:, 0], base[:, 0] + base[:, 2]):  # at rest; as it was
-                left = nearest_in_cones(A, need, limits.friction).left
-                few = np.linalg.norm(left, axis=1) <= limits.threshold
-                missed[few] = left[few]
-            base[:, 0] -= missed
-            per_limit = (scale[0] / np.where(known, limits.torque, 1.0))[None, :, None, None]
-            T = terms.joint_map(self.lanes.points, at, touching, motors) * per_limit
+        full = np.where(known, limits.torque, 1.0)
+        contact = self._contacts(places, path, rows, full)
+        torque = rows[:, :, robot.actuated] / full
         with np.errstate(divide="ignore"):
-            fast = np.where(q1 == 0.0, np.inf, (1.0 - SPARED) * limits.speed / np.abs(q1)) ** 2
-        out = []
-        for i in range(len(places)):
-            on = touching[i]
-            carried = np.zeros(len(motors), bool) if T is None else np.asarray((np.abs(T[i]) > 0.0).any(axis=(1, 2)))
-            own = known & ~carried
-            t, K = torque[i, 0, own], torque[i, 1:, own]
-            normals, sides = [K, -K, [[0.0, -1.0], [0.0, limits.pace**-2.0]]], [1.0 - t, 1.0 + t, [0.0, 1.0]]
-            free = [f"motor of {names[j]}" for j in np.flatnonzero(own)]
-            causes = [*free, *free, "rest", "fastest"]
-            j = int(fast[i].argmin())
-            if np.isfinite(fast[i, j]):
-                normals, sides = [*normals, [[0.0, 1.0 / fast[i, j]]]], [*sides, [1.0]]
-                causes.append(f"speed limit of {_coordinate(robot, j)}")
-            G, b = base[i, 1:].T, base[i, 0]
-            if len(b) and not on.any():
-                normals, sides = [*normals, G, -G], [*sides, SLACK - b, SLACK + b]
-                causes += 12 * ["balance"]
-            size = np.square(np.concatenate([G, torque[i, 1:, known]]))
-            unit = 1.0 / np.maximum(np.sqrt(size.sum(axis=0)), _FLAT)
-            R = np.concatenate([G, torque[i, 1:, known]]) * unit
-            metric, program, some = R.T @ R + _SQUARES * np.eye(2), None, np.flatnonzero(known & carried)
-            if on.any() and A is not None and T is not None:
-                k = int(on.sum())
-                mu = np.full(k, max(limits.friction, 1e-9))
-                blocks = {"forces": Unknowns(3 * k, cones=np.arange(3 * k).reshape(-1, 3), mu=mu), "p": Unknowns(2, metric)}
-                held = {"forces": A[i][:, on].reshape(6, -1), "p": -G * unit}, b - SLACK, b + SLACK
-                turned = {"forces": -T[i][some][:, on].reshape(len(some), 3 * k), "p": torque[i, 1:, some] * unit}
-                within = (turned, -1.0 - torque[i, 0, some], 1.0 - torque[i, 0, some])
-                program = Conic.of(blocks, [], [held, within])
-            stacked = np.concatenate([np.asarray(each, float).reshape(-1, 2) for each in normals])
-            sides_ = np.concatenate([np.asarray(each, float) for each in sides])
-            out.append(PathSet(stacked, sides_, causes, program, unit, metric, [names[j] for j in some], missed[i]))
-        return out
+            fast = np.where(path[1] == 0.0, np.inf, (1.0 - SPARED) * limits.speed / np.abs(path[1])) ** 2
+        return [self._one(torque[i], fast[i], known, *(each[i] for each in contact)) for i in range(len(places))]
+
+    def _contacts(self, places: Array, path: tuple[Array, Array, Array], rows: Array, full: Array) -> tuple[Array, ...]:
+        """(wrench of 1, u, x (m, 3, 6), A (m, 6, k, 3), T (m, nu, k, 3), touching (m, k), missed (m, 6)), over weight, limits.
+
+        Forces w over the weight have the wrench A w, and carry T w of the torques. Without a floating base there are none.
+        """
+        robot, m = self.motion.robot, len(places)
+        if not robot.floating:
+            nothing = np.zeros((m, 0))
+            return np.zeros((m, 3, 0)), np.zeros((m, 0, 0, 3)), np.zeros((m, robot.nu, 0, 3)), nothing.astype(bool), nothing
+        assert self.lanes is not None
+        terms, scale = FrameTerms.of(robot, *path, None), wrench_scale(robot)
+        base = np.stack([terms.to_wrench(rows[:, i, :6]) for i in range(3)], axis=1) / scale
+        touching, at, missed = self.touches(places), self.points_at(path[0]), np.zeros((m, 6))
+        A = terms.wrench_map(at, touching) * (scale[0] / scale)[:, None, None]
+        for need in (base[:, 0], base[:, 0] + base[:, 2]):  # at rest; as it was
+            left = nearest_in_cones(A, need, self.limits.friction).left
+            few = np.linalg.norm(left, axis=1) <= self.limits.threshold
+            missed[few] = left[few]
+        base[:, 0] -= missed
+        T = terms.joint_map(self.lanes.points, at, touching, robot.actuated) * (scale[0] / full)[:, None, None]
+        return base, A, T, touching, missed
+
+    def _one(
+        self, torque: Array, fast: Array, known: Array, base: Array, A: Array, T: Array, touching: Array, missed: Array
+    ) -> PathSet:
+        """The set at a place, of torques over limits (3, nu), the x at speed limits (nv,), and `_contacts` there."""
+        limits, names = self.limits, self.motion.robot.actuated_names
+        carried = np.asarray((np.abs(T) > 0.0).any(axis=(1, 2)))
+        own, some = np.flatnonzero(known & ~carried), np.flatnonzero(known & carried)
+        t, K = torque[0, own], torque[1:, own].T
+        normals, sides = [K, -K, np.array([[0.0, -1.0], [0.0, limits.pace**-2.0]])], [1.0 - t, 1.0 + t, np.array([0.0, 1.0])]
+        causes = 2 * [f"motor of {names[j]}" for j in own] + ["rest", "fastest"]
+        if np.isfinite(fast).any():
+            j = int(fast.argmin())
+            normals, sides = [*normals, np.array([[0.0, 1.0 / fast[j]]])], [*sides, np.ones(1)]
+            causes.append(f"speed limit of {_coordinate(self.motion.robot, j)}")
+        G, b = base[1:].T, base[0]
+        if len(b) and not touching.any():
+            normals, sides = [*normals, G, -G], [*sides, SLACK - b, SLACK + b]
+            causes += 2 * len(b) * ["balance"]
+        changed = np.concatenate([G, torque[1:, known].T])
+        unit = 1.0 / np.maximum(np.linalg.norm(changed, axis=0), _FLAT)
+        metric, program = (changed * unit).T @ (changed * unit) + _SQUARES * np.eye(2), None
+        if k := int(touching.sum()):
+            forces = np.concatenate([A[:, touching].reshape(6, -1), -T[some][:, touching].reshape(len(some), 3 * k)])
+            pair, one = np.concatenate([-G, torque[1:, some].T]) * unit, np.ones(len(some))
+            low, high = (np.append(b + sign * SLACK, sign * one - torque[0, some]) for sign in (-1.0, 1.0))
+            program = forces, pair, low, high
+        mu, motors = max(limits.friction, 1e-9), [names[j] for j in some]
+        return PathSet(np.concatenate(normals), np.concatenate(sides), causes, program, mu, unit, metric, motors, missed)
 
     def rows(self, q: Array, q1: Array, q2: Array) -> Array:
         """Generalised forces that contacts and motors must come to, of 1, u and x, shape (m, 3, nv) [N, N m]."""

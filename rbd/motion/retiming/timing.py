@@ -128,6 +128,7 @@ class Timing(Displayed):
         v, a = q1 * pace[:, None], q1 * rise[:, None] + q2 * np.square(pace)[:, None]
         lanes = self._lanes(t, s, pace, q)
         note = f"retimed from {old.duration:.4g} to {self.duration:.4g} s: {_words(self.shares())}."
+        note += " Torque-speed lines were not counted." if old.robot.torque_lines else ""
         return replace(old, t=t, q=q, v=v, a=a, derivation=None, contacts=lanes, notes=(*old.notes, note))
 
     def _lanes(self, t: Array, s: Array, pace: Array, q: Array) -> ContactTimeline | None:
@@ -252,7 +253,7 @@ def _contacts(motion: Motion, given: ContactTimeline | None) -> ContactTimeline 
     robot = motion.robot
     given = motion.contacts if given is None else given
     if not robot.floating:
-        if given is not None or robot.bases or robot.passive or robot.loops():
+        if given is not None or len(robot.unactuated) or robot.loops():
             raise InputError(
                 f"{robot.name} has not one floating base: expected a tree with a motor at each joint, no contacts."
             )
