@@ -58,9 +58,9 @@ class Step:
         return cls(own.normals[:, 0], own.normals[:, 1], own.sides, own.causes, 0.0)
 
     @lazy
-    def rests(self) -> Array:
-        """Which half-planes only say that x is 0 or more, shape (r,)."""
-        return np.array([cause == "rest" for cause in self.causes])
+    def unlikely(self) -> Array:
+        """What is added where the nearest half-plane is looked for: x >= 0 is none, and `fastest` only if nothing else is."""
+        return np.array([{"rest": np.inf, "fastest": 1e-6}.get(cause, 0.0) for cause in self.causes])
 
     def before(self, least: float, most: float) -> tuple[float, float]:
         """(least, most) x at its beginning from which a u leads to an x at its end from least to most; crossed if none."""
@@ -107,7 +107,7 @@ class Step:
         u = max(u, min(float(low.max(initial=-np.inf)), leads))
         u = u if np.isfinite(u) else 0.0
         near = (room - self.a * u) / np.maximum(np.maximum(np.abs(self.c), np.abs(self.a * u)), 1.0)
-        return u, self.causes[int(np.where(self.rests, np.inf, near).argmin())]
+        return u, self.causes[int((near + self.unlikely).argmin())]
 
 
 def fastest_alone(own: PathSet) -> float:

@@ -67,12 +67,13 @@ class PathSet:
         normals: Of the half-planes normals . (u, x) <= sides, shape (r, 2).
         sides: Shape (r,).
         causes: What each of them stands for: "fastest", "speed limit of ...", "motor of ...", "balance".
-        program: (rows of forces over the weight, rows of (u, x) over `scale`, their lower and upper bounds), of balance, then of
-            torques that forces change; None where no force can act: the half-planes are then the set.
+        program: (rows of forces over the weight, rows of (u, x) over `scale`, their lower and upper bounds), of balance, then
+            of torques that forces change; None where no force can act: the half-planes are then the set.
         mu: Friction of these forces.
         scale: What (u, x) are divided by there, shape (2,).
         metric: Their inner product, shape (2, 2).
         motors: Names of the motors in the last rows.
+        need: What (1, u, x) make of wrench, torques and squared speeds, over weight and limits, shape (3, r).
         missed: What may be missing here, as it is missing in the motion as it was, else at rest, over weight and weight times
             `LENGTH`, shape (6,).
         empty: Whether it was found to be empty.
@@ -87,6 +88,7 @@ class PathSet:
     scale: Array
     metric: Array
     motors: list[str]
+    need: Array
     missed: Array
     empty: bool = False
     known: list[Array] = field(default_factory=list)
@@ -94,6 +96,10 @@ class PathSet:
     def beyond(self, p: Array) -> float:
         """How far (u, x) is outside the half-planes, over limits; zero or less inside."""
         return float((self.normals @ p - self.sides).max(initial=-np.inf))
+
+    def needs(self, p: Array) -> Array:
+        """Wrench, torques and squared speeds at (u, x), over weight and limits, shape (r,)."""
+        return np.asarray(self.need[0] + p @ self.need[1:])
 
     def knows(self, p: Array) -> bool:
         """Whether no program is needed to tell how far (u, x) is outside."""
@@ -198,9 +204,8 @@ class PathSets:
         full = np.where(known, limits.torque, 1.0)
         contact = self._contacts(places, path, rows, full)
         torque = rows[:, :, robot.actuated] / full
-        with np.errstate(divide="ignore"):
-            fast = np.where(path[1] == 0.0, np.inf, (1.0 - SPARED) * limits.speed / np.abs(path[1])) ** 2
-        return [self._one(torque[i], fast[i], known, *(each[i] for each in contact)) for i in range(len(places))]
+        speed = np.square(path[1] / ((1.0 - SPARED) * limits.speed))
+        return [self._one(torque[i], speed[i], known, *(each[i] for each in contact)) for i in range(len(places))]
 
     def _contacts(self, places: Array, path: tuple[Array, Array, Array], rows: Array, full: Array) -> tuple[Array, ...]:
         """(wrench of 1, u, x (m, 3, 6), A (m, 6, k, 3), T (m, nu, k, 3), touching (m, k), missed (m, 6)), over weight, limits.
@@ -218,25 +223,27 @@ class PathSets:
         A = terms.wrench_map(at, touching) * (scale[0] / scale)[:, None, None]
         for need in (base[:, 0], base[:, 0] + base[:, 2]):  # at rest; as it was
             left = nearest_in_cones(A, need, self.limits.friction).left
-            few = np.linalg.norm(left, axis=1) <= self.limits.threshold
-            missed[few] = left[few]
+            over = np.linalg.norm(left, axis=1) / max(self.limits.threshold, 1e-12)
+            # all up to the threshold, none from twice that; no jump, and never more than the threshold
+            share = np.clip(2.0 - over, 0.0, 1.0)[:, None]
+            missed = share / np.maximum(over, 1.0)[:, None] * left + (1.0 - share) * missed
         base[:, 0] -= missed
         T = terms.joint_map(self.lanes.points, at, touching, robot.actuated) * (scale[0] / full)[:, None, None]
         return base, A, T, touching, missed
 
     def _one(
-        self, torque: Array, fast: Array, known: Array, base: Array, A: Array, T: Array, touching: Array, missed: Array
+        self, torque: Array, speed: Array, known: Array, base: Array, A: Array, T: Array, touching: Array, missed: Array
     ) -> PathSet:
-        """The set at a place, of torques over limits (3, nu), the x at speed limits (nv,), and `_contacts` there."""
+        """The set at a place, of torques over limits (3, nu), squared speeds over limits (nv,) of x = 1, and `_contacts`."""
         limits, names = self.limits, self.motion.robot.actuated_names
         carried = np.asarray((np.abs(T) > 0.0).any(axis=(1, 2)))
         own, some = np.flatnonzero(known & ~carried), np.flatnonzero(known & carried)
         t, K = torque[0, own], torque[1:, own].T
         normals, sides = [K, -K, np.array([[0.0, -1.0], [0.0, limits.pace**-2.0]])], [1.0 - t, 1.0 + t, np.array([0.0, 1.0])]
         causes = 2 * [f"motor of {names[j]}" for j in own] + ["rest", "fastest"]
-        if np.isfinite(fast).any():
-            j = int(fast.argmin())
-            normals, sides = [*normals, np.array([[0.0, 1.0 / fast[j]]])], [*sides, np.ones(1)]
+        if speed.any():
+            j = int(speed.argmax())
+            normals, sides = [*normals, np.array([[0.0, speed[j]]])], [*sides, np.ones(1)]
             causes.append(f"speed limit of {_coordinate(self.motion.robot, j)}")
         G, b = base[1:].T, base[0]
         if len(b) and not touching.any():
@@ -251,7 +258,8 @@ class PathSets:
             low, high = (np.append(b + sign * SLACK, sign * one - torque[0, some]) for sign in (-1.0, 1.0))
             program = forces, pair, low, high
         mu, motors = max(limits.friction, 1e-9), [names[j] for j in some]
-        return PathSet(np.concatenate(normals), np.concatenate(sides), causes, program, mu, unit, metric, motors, missed)
+        need = np.hstack([base + np.outer([1.0, 0.0, 0.0], missed), torque[:, known], np.outer([0.0, 0.0, 1.0], speed)])
+        return PathSet(np.concatenate(normals), np.concatenate(sides), causes, program, mu, unit, metric, motors, need, missed)
 
     def rows(self, q: Array, q1: Array, q2: Array) -> Array:
         """Generalised forces that contacts and motors must come to, of 1, u and x, shape (m, 3, nv) [N, N m]."""

@@ -20,17 +20,15 @@ from rbd.motion.file_frames import check_rate, times_of
 from rbd.motion.frame_terms import FrameTerms, check_robot, wrench_scale
 from rbd.motion.reference_motion import Motion
 from rbd.motion.retiming.passes import CHECKED, Step, controllable, fastest, fastest_alone
-from rbd.motion.retiming.path_sets import SLACK, PathLimits, PathSets
+from rbd.motion.retiming.path_sets import SLACK, TOLERANCE, PathLimits, PathSets
 from rbd.workers import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-BETWEEN = (0.25, 0.75)
-"""Where a step is tested besides, in shares of it ..."""
-NEAR = 2e-3
-"""... and is halved if it is outside the sets there by more, in shares of weight and limits."""
+NEAR = 3e-3
+"""A step is halved that can be outside the sets by more between the points that are kept to, in shares of weight and limits."""
 HALVINGS = 12
 """Times that steps are halved."""
 AROUND, FINEST = 10, 0.125
@@ -56,7 +54,7 @@ class Timing(Displayed):
         rise: S'' from each point to the next, shape (n,) [1/s].
         causes: What bounds each of these steps, "motor of left_knee_joint", "speed limit of ...", "tips", "friction", "floats",
             or "fastest", shape (n,).
-        between: How far it is outside the sets between the points that were kept to, at most, in shares of weight and limits.
+        between: How far it can be outside the sets between the points that are kept to, in shares of weight and limits.
 
     Example:
         >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
@@ -198,8 +196,9 @@ def find_timing(
     s counts the times of the motion as it was. Along the path the equations of motion are affine in s'' and s'^2; the sets of
     these that contact forces in circular cones and torques within limits allow are convex, and the timing is found by
     reachability on a grid [PhamPham2018], the frames at first. Each step keeps to the sets at both ends and in its middle, to
-    1e-4 of weight and limits; where it is outside by more than 0.002 at its quarters, it is halved, four times at most.
-    `Timing.between` is what is left. Of speed limits 0.1 % is spared.
+    1e-4 of weight and limits. It is tested at its quarters, or eighths, and halved where it is outside by more than 0.003, with
+    an eighth of the second differences of forces and torques for what lies between; `Timing.between` is what is left. Of
+    speed limits 0.1 % is spared.
 
     A point touches between two frames if it does in one of them, and holds, also where it slides or is raised: feet are a
     matter of the path. Torque-speed lines are left out.
@@ -298,15 +297,12 @@ def _found(sets: PathSets, ends: list[float], rests: list[bool]) -> Timing:
                 raise NoSolution(str(stuck)) from None
             places = np.sort(np.concatenate([places, 0.5 * (places[near] + places[near + 1])]))
             continue
-        h = np.diff(sets.time(places))
-        at = np.concatenate([places[:-1] + share * np.diff(places) for share in BETWEEN])
-        p = np.concatenate([np.stack([u, x[:-1] + 2.0 * h * share * u], axis=1) for share in BETWEEN])
-        beyond = sets.separate(at, p).reshape(len(BETWEEN), -1).max(axis=0)
+        beyond = _between(sets, places, x, u)
         worse = np.flatnonzero(beyond > NEAR)
         if not len(worse) or halving == HALVINGS:
             break
         places = np.sort(np.concatenate([places, 0.5 * (places[worse] + places[worse + 1])]))
-    pace = np.sqrt(x)
+    pace, h = np.sqrt(x), np.diff(sets.time(places))
     spans = 2.0 * h / np.maximum(pace[:-1] + pace[1:], 1e-300)
     if not spans.max() < 1e6:
         raise NoSolution(f"no timing: at {sets.time(places)[int(spans.argmax())]:.4g} s the path can only be stood still on.")
@@ -314,14 +310,44 @@ def _found(sets: PathSets, ends: list[float], rests: list[bool]) -> Timing:
     return Timing(sets, places, sets.time(places), t, pace, u, _named(sets, places, x, u, causes), float(beyond.max()))
 
 
+def _along(sets: PathSets, places: Array, x: Array, u: Array, shares: tuple[float, ...]) -> tuple[Array, Array]:
+    """(places, (u, x) there) at shares of each step, one share after the other, shapes (k n,) and (k n, 2)."""
+    h, grid = np.diff(sets.time(places)), np.diff(places)
+    p = [np.stack([u, x[:-1] + 2.0 * h * share * u], axis=1) for share in shares]
+    return np.concatenate([places[:-1] + share * grid for share in shares]), np.concatenate(p)
+
+
+def _between(sets: PathSets, places: Array, x: Array, u: Array) -> Array:
+    """How far each step can be outside the sets between the points that are kept to, shape (n,).
+
+    Tested at quarters, or eighths. A smooth curve is above the lines through its samples by an eighth of its second difference:
+    that is added, of what must be balanced, where s' is not the largest one throughout.
+    """
+    n, bound = len(u), np.minimum(x[:-1], x[1:]) < sets.limits.pace**2 * (1.0 - 1e-9)
+    tested, bend, fine = np.zeros(n), np.zeros(n), np.arange(n)
+    for parts in (4, 8):
+        at, p = _along(sets, places, x, u, tuple(np.arange(parts + 1) / parts))
+        at, p = at.reshape(-1, n)[:, fine], p.reshape(-1, n, 2)[:, fine]
+        own = sets.at(at.ravel())
+        need = np.array([each.needs(here) for each, here in zip(own, p.reshape(-1, 2), strict=True)])
+        second = np.diff(need.reshape(parts + 1, len(fine), -1), 2, axis=0)
+        bend[fine] = np.abs(second).max(axis=(0, 2), initial=0.0) / 8.0
+        beyond = sets.separate(at[1::2].ravel(), p[1::2].reshape(-1, 2)).reshape(-1, len(fine)).max(axis=0)
+        tested[fine] = np.maximum(tested[fine], beyond)
+        fine = fine[bend[fine] > 0.5 * NEAR]
+        if not len(fine):
+            break
+    return tested + np.where(bound, bend, 0.0)
+
+
 def _converged(
     sets: PathSets, places: Array, start: tuple[float, float], end: tuple[float, float]
 ) -> tuple[Array, Array, list[str]]:
     """(x, u, causes) of the fastest timing that is inside the sets at `CHECKED` of each step."""
-    h, grid = np.diff(sets.time(places)), np.diff(places)
-    at = np.concatenate([places[:-1] + share * grid for share in CHECKED])
-    own = sets.at(at)
+    h = np.diff(sets.time(places))
     n, seen = len(h), [-1] * len(h)
+    at, _ = _along(sets, places, np.zeros(n + 1), np.zeros(n), CHECKED)
+    own = sets.at(at)
     steps: list[Step | None] = [None] * n
     for _ in range(ROUNDS):
         for j in range(n):
@@ -333,8 +359,7 @@ def _converged(
         if first or max(reach[0, 0], start[0]) > min(reach[0, 1], start[1]) + 1e-9:
             raise _no_way(sets, places, known, reach, first, start)
         x, u, causes = fastest(known, reach, float(np.clip(start[1], *reach[0])))
-        p = np.concatenate([np.stack([u, x[:-1] + 2.0 * h * share * u], axis=1) for share in CHECKED])
-        if not (sets.separate(at, p) > 1e-3 * NEAR + 1e-4).any():
+        if not (sets.separate(*_along(sets, places, x, u, CHECKED)) > 1.01 * TOLERANCE).any():
             return x, u, causes
         if any(each.empty for each in own):
             raise _no_pose(sets, float(at[[each.empty for each in own].index(True)]))
@@ -382,6 +407,11 @@ def _no_pose(sets: PathSets, place: float, what: str = "") -> NoSolution:
         tau = sets.rows(q, rest, rest)[0, 0][one.robot.actuated]
         words = [f"motor of {n}, {x:.4g} of {m:.4g} N m" for n, x, m in zip(names, tau, torque, strict=True) if abs(x) > m]
     else:
+        if not sets.touches(np.array([place])).any() and not what:
+            return NoSolution(
+                f"no timing makes the pose at {s[0]:.4g} s (frame {place:g}) possible: nothing touches, and it does not fall "
+                "as this path does (floats). Which points touch is read by rbd.motion.find_contacts; contacts= edits it."
+            )
         lanes = replace(sets.lanes.at_frames(np.array([int(place)])), t=s, touches=sets.touches(np.array([place])))
         lanes = replace(lanes, places=sets.points_at(q), slides=lanes.slides & False, raised=lanes.raised & False)
         limits = float(np.nanmin(torque / one.robot.effort_limit, initial=np.inf))
