@@ -30,7 +30,16 @@ def sway(g1) -> Motion:
     return Motion.of_arrays(g1, t, q)
 
 
-def written(path: Path, motion: Motion, *, mcap: bool = True, base: str = "odometry", factor: float = 1.0, twice: bool = False):
+def written(
+    path: Path,
+    motion: Motion,
+    *,
+    mcap: bool = True,
+    base: str = "odometry",
+    factor: float = 1.0,
+    states: int = 1,
+    late: float = 0.0,
+):
     """A log: joint states at 100 Hz in breadth-first order with a gripper beside them; poses of the base at 50 Hz."""
     pytest.importorskip("rosbags")
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -51,14 +60,12 @@ def written(path: Path, motion: Motion, *, mcap: bool = True, base: str = "odome
     v = factor * motion.v[:, [motion.robot.joints[name].v.start for name in names]]
     plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
     with Writer(path, version=9, storage_plugin=plugin) as log:
-        states = [
-            log.add_connection(f"/joint_states{i}", "sensor_msgs/msg/JointState", typestore=store) for i in range(1 + twice)
-        ]
+        topics = [log.add_connection(f"/joint_states{i}", "sensor_msgs/msg/JointState", typestore=store) for i in range(states)]
         poses = kind and log.add_connection("/base", kind, typestore=store)
         for i, t in enumerate(motion.t):
             last = np.append(x[i], 0.01), np.append(v[i], 0.0)
             state = kinds["sensor_msgs/msg/JointState"](header(t, ""), [*names, "gripper"], *last, np.zeros(0))
-            for connection in states:
+            for connection in topics:
                 log.write(connection, round((START + t) * 1e9), store.serialize_cdr(state, state.__msgtype__))
             if i % 2 or not kind:
                 continue
@@ -71,13 +78,15 @@ def written(path: Path, motion: Motion, *, mcap: bool = True, base: str = "odome
                     kinds["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36)
                 )
                 message = kinds[kind](
-                    header(t), "pelvis", kinds["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)), twist
+                    header(t + late), "pelvis", kinds["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)), twist
                 )
             elif base == "pose":
-                message = kinds[kind](header(t), pose)
+                message = kinds[kind](header(t + late), pose)
             else:
                 place = kinds["geometry_msgs/msg/Transform"](kinds["geometry_msgs/msg/Vector3"](*q[:3]), turn)
-                each = [kinds["geometry_msgs/msg/TransformStamped"](header(t), name, place) for name in ("camera", "pelvis")]
+                each = [
+                    kinds["geometry_msgs/msg/TransformStamped"](header(t + late), name, place) for name in ("camera", "pelvis")
+                ]
                 message = kinds[kind](each)
             log.write(poses, round((START + t) * 1e9), store.serialize_cdr(message, kind))
     return path
@@ -106,7 +115,7 @@ def test_what_a_log_lacks_is_said(sway, g1, tmp_path):
             Motion.read(path, **{"robot": g1, **settings})
 
     refused("has no pose of the base of g1, 'pelvis'", written(tmp_path / "a", sway, base="none"))
-    two = written(tmp_path / "b", sway, twice=True)
+    two = written(tmp_path / "b", sway, states=2)
     refused("has joint states on '/joint_states0', '/joint_states1'; name one: motion=", two)
     assert Motion.read(two, robot=g1, motion="/joint_states1").n == sway.n
     refused("no joint states on '/joint_states2'", two, motion="/joint_states2")
@@ -115,6 +124,9 @@ def test_what_a_log_lacks_is_said(sway, g1, tmp_path):
         "none of the joints of '/joint_states0' is of solo12", written(tmp_path / "d", sway), robot=rbd.load_robot("solo12")
     )
     refused("does not name its robot", tmp_path / "d", robot=None)
+    later = sway.cut(0.0, 0.4)
+    refused("has no joint states; expected", written(tmp_path / "e", later, states=0))
+    refused("has poses at other times than the joint states", written(tmp_path / "f", later, late=5.0))
     whole = next((tmp_path / "d").glob("*.mcap"))
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole.read_bytes()[:5000])

@@ -105,6 +105,15 @@ class TestBaseAndJoints:
         listed = [str(file) for file, motion in read_all(tmp_path, robot=g1) if agrees(motion, steps)]
         assert listed == [f"{tmp_path / 'one.pkl'}[walk]", f"{path}[walk]", f"{path}[small]"]
 
+    def test_joints_that_are_named(self, steps, parts, g1, tmp_path):
+        """By the reader, or in the file with `_joint` left out: in any order."""
+        index = [list(file_order(g1)).index(name) for name in breadth_first(g1)]
+        held = gmr(parts) | {"dof_pos": parts["dof"][:, index]}
+        path = pickled(tmp_path / "a.pkl", held)
+        assert agrees(Motion.read(path, robot=g1, joints=list(breadth_first(g1))), steps)
+        names = [name.removesuffix("_joint") for name in breadth_first(g1)]
+        assert agrees(Motion.read(pickled(path, held | {"dof_names": names}), robot=g1), steps)
+
     def test_numbered_motions(self, steps, parts, g1, tmp_path):
         """A list of motions is read by number; LocoMuJoCo's split points cut one array into several."""
         path = pickled(tmp_path / "a.pkl", [gmr(parts), gmr(parts)])
@@ -131,6 +140,8 @@ class TestBaseAndJoints:
         refused("1 frame has no velocity", **{name: gmr(parts)[name][:1] for name in ("root_pos", "root_rot", "dof_pos")})
         refused(r"root_pos\[3, 1\] is nan", root_pos=np.where(np.arange(270).reshape(90, 3) == 10, np.nan, parts["pos"]))
         refused("no floating base", robot=rbd.load_robot("panda", root="fixed"))
+        refused("root_pos is text; expected numbers", root_pos="here")
+        refused("has 29 columns of joints; joints names 2", settings={"joints": ["left_knee_joint", "right_knee_joint"]})
         del (nothing := gmr(parts))["fps"]
         with pytest.raises(InputError, match="has no times; give rate=30"):
             Motion.read(pickled(tmp_path / "a.pkl", nothing), robot=g1)
@@ -165,6 +176,14 @@ class TestQpos:
             assert agrees(found, steps), name
             told = f"columns {start} to {start + 6} of qpos are of an object, that moves over [0.59"
             assert any(told in note for note in found.notes)
+
+    def test_shapes_and_names_that_do_not_fit(self, steps, parts, g1, tmp_path):
+        """One axis is refused; names of another number are left aside."""
+        np.savez(tmp_path / "a.npz", qpos=parts["qpos"][0], fps=60)
+        with pytest.raises(InputError, match="qpos has shape .36,."):
+            Motion.read(tmp_path / "a.npz", robot=g1)
+        np.savez(tmp_path / "a.npz", qpos=parts["qpos"], fps=60, joint_names=["root", "left_knee_joint"])
+        assert agrees(Motion.read(tmp_path / "a.npz", robot=g1), steps)
 
     def test_loco_mujoco(self, steps, parts, g1, tmp_path):
         """Names of joints, types, a frequency, and arrays of objects that hold nothing."""
@@ -236,6 +255,23 @@ class TestWhatCannotBe:
         np.savez(tmp_path / "a.npz", q=q, t=t)
         with pytest.raises(InputError, match="with left and right exchanged the lower foot moves"):
             Motion.read(tmp_path / "a.npz", robot=g1)
+        rng, said = np.random.default_rng(0), []
+        for size in (1e-4, 3e-4, 1e-3, 3e-3, 1e-2):  # what shakes in both readings tells less
+            np.savez(tmp_path / "a.npz", q=q + size * rng.normal(size=q.shape) * (np.arange(g1.nq) < 3), t=t)
+            try:
+                said.append(any("are they exchanged?" in note for note in Motion.read(tmp_path / "a.npz", robot=g1).notes))
+            except InputError:
+                said.append(None)
+        assert said[0] is None and True in said and said[-1] is False, said
+
+    def test_joints_beyond_limits(self, parts, g1, tmp_path):
+        """A little is told; far, with no order that helps, is another robot's."""
+        dof = parts["dof"].copy()
+        dof[:, list(file_order(g1)).index("left_ankle_roll_joint")] += 0.5
+        found = Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": dof}), robot=g1)
+        assert any("joint 'left_ankle_roll_joint' is beyond its limits by 0.2" in note for note in found.notes)
+        with pytest.raises(InputError, match="they look like those of another robot than g1"):
+            Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": parts["dof"] * 0.0 + 7.0}), robot=g1)
 
     def test_another_order(self, steps, parts, g1, tmp_path):
         """Breadth-first, by limits."""
@@ -286,6 +322,12 @@ class TestBodies:
         held["body_names"] = np.array(["world", *held["body_names"], "largebox_link"])
         np.savez(tmp_path / "b.npz", **held, object_pos_w=far[:, 0], object_quat_w=one[:, 0])
         found = Motion.read(tmp_path / "b.npz", robot=g1)
+        held["joint_pos"] += np.arange(36) < 1
+        np.savez(tmp_path / "c.npz", **held)
+        with pytest.raises(InputError, match="joint_pos begins with no body's place: the nearest is 0.94 m away"):
+            Motion.read(tmp_path / "c.npz", robot=g1)
+        with pytest.raises(InputError, match="panda has no floating base"):
+            Motion.read(tmp_path / "c.npz", robot=rbd.load_robot("panda", root="fixed"))
         assert agrees(found, steps, 1e-9)
         assert any("bodies that g1 has no links for are not read: world, largebox_link" in note for note in found.notes)
         assert any("not read: object_pos_w (90, 3)" in n and "what it tells of an object is left out" in n for n in found.notes)
@@ -335,6 +377,8 @@ class TestWriting:
         assert agrees(Motion.read(tmp_path / "a.npz", robot=g1), steps)
         with pytest.raises(InputError, match="the motion has none: motion.with_contacts"):
             steps.save(tmp_path / "b.npz", kind=kind, forces=report.forces)
+        with pytest.raises(InputError, match="a table of text has no place for them"):
+            steps.with_contacts(report.lanes).save(tmp_path / "b.csv", forces=report.forces)
         with pytest.raises(InputError, match="forces has shape"):
             steps.with_contacts(report.lanes).save(tmp_path / "b.npz", kind=kind, forces=report.forces[1:])
 
