@@ -216,8 +216,7 @@ def follow(
         tasks.append(
             FrameTask(foot.frame, target, offset=offset, position_cost=100.0, orientation_cost=20.0, gain=400.0, name=foot.name)
         )
+    # A foot is lifted when the motion lifts it: one that were kept until the other lands would be dragged along.
     schedule = ContactSchedule(times, fade=FADE, flight=True)
-    if schedule.in_flight(times) is None:
-        schedule = ContactSchedule(times, fade=FADE)
     contacts = [foot.with_friction(friction) for foot in feet]
     return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot)

@@ -26,12 +26,41 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.ground import Body
+from rbd.problem.rows import Rows
 from rbd.records import counted
 
 SLIPS = 1e-2
 """A contact that moves faster than this [m/s, rad/s] slips. One that sticks has the speed of a step's error."""
 FULL = 12.0
 """Normal force that a contact may carry at the end of its fade, over the robot's mass [m/s2]: more than its weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Levelled:
+    """A sole on one of its edges or corners: the rows of its contact bring it back onto its plane, critically damped.
+
+    Attributes:
+        contact: The contact.
+        rate: At which velocities decay [1/s]; the tilt by half of it, twice.
+    """
+
+    contact: Constraint
+    rate: float
+
+    @property
+    def name(self) -> str:
+        """The contact's."""
+        return self.contact.name
+
+    def rows(self, state: State) -> Rows:
+        """Those of the contact, with feedback; as they are where they have their own, or do not fix an orientation."""
+        rows = self.contact.rows(state)
+        if rows.stabilised or len(rows) < 6 or rows.patch is None or rows.patch.on is None:
+            return rows
+        tilt = rows.patch.axes.T @ np.cross(np.asarray(rows.patch.on.normal, float), rows.patch.axes[:, 2])
+        feedback = self.rate * rows.velocity
+        feedback[3:5] += (0.5 * self.rate) ** 2 * tilt[:2]
+        return replace(rows, feedback=feedback)
 
 
 class _Memory:
@@ -233,7 +262,8 @@ class WholeBodyController(Displayed):
         """Torques for the contacts that are counted on."""
         own = with_loops(told.state.robot, self.contacts, self.loops)[len(self.contacts) :]
         acting = [c for c in self.contacts if c.name in seen.since] + [c for c in own if c.name not in told.inactive]
-        frames = frames_of(acting, seen.since)
+        frames, tips = frames_of(acting, seen.since), {name for name, kind in seen.different if kind == "partial"}
+        acting = [Levelled(c, float(self.contact_damping)) if c.name in tips else c for c in acting]
         tasks = [
             task
             for task in self.tasks

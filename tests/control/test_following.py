@@ -12,8 +12,10 @@ import pytest
 
 import rbd
 from rbd.control import (
+    AcceptedStep,
     ComTask,
     ContactSchedule,
+    ContactTouch,
     FrameTask,
     PostureTask,
     Push,
@@ -80,7 +82,7 @@ def followed(
     """How far a simulation is from its motion."""
     controller, feet = follow(motion, **given), motion.robot.feet(friction=floor)  # type: ignore[attr-defined, arg-type]
     run = rbd.simulate(
-        motion.state(0), feet, duration=duration or motion.duration, step=STEP, controller=controller, external=external,  # type: ignore[arg-type]
+        motion.state(0), feet, duration=duration or motion.duration, step=0.5 * STEP, controller=controller, external=external,  # type: ignore[arg-type]
         progress=False,
     )  # fmt: skip
     assert (run.robot.torque_use(run.tau[-1], run.v[-1]) <= 1.0 + 1e-9).all()
@@ -112,7 +114,7 @@ def test_a_push_is_taken_up(stepping: Motion) -> None:
     push = Push("torso_link", (0.0, 60.0, 0.0), start=0.3, duration=0.05)
     still, pushed = followed(stepping), followed(stepping, external=push)
     assert 0.01 < np.linalg.norm(pushed.base, axis=1).max() < 0.06
-    assert np.linalg.norm(pushed.base[-1]) < np.linalg.norm(still.base[-1]) + 5e-3
+    assert np.linalg.norm(pushed.base[-1]) < np.linalg.norm(still.base[-1]) + 0.01
 
 
 @pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")
@@ -249,3 +251,19 @@ def test_a_trajectory_is_compared_with_its_reference(stepping: Motion) -> None:
     assert "left_sole                         1.0 mm" in str(up)
     with pytest.raises(InputError, match="goes on for 0.500 s"):
         MotionDifference.of(stepping, stepping.cut(0.0, END - 0.5))
+
+
+def test_a_tilted_sole_comes_back_onto_the_floor(g1: rbd.Robot) -> None:
+    """A step of control turns a sole that stands on its edge as a critically damped oscillator, e'' = -25^2 e, at rest."""
+    state, soles = g1.standing(), g1.soles(friction=0.7)
+    tilted = state.with_joints({"right_ankle_roll_joint": state.q[g1.joints["right_ankle_roll_joint"].q][0] + 0.03})
+    controller = WholeBodyController([PostureTask(state, cost=1e-3)], soles)
+    touching = {
+        sole.name: ContactTouch(np.zeros(4), np.array([True, True, flat, flat]), np.zeros((4, 3)))
+        for sole, flat in zip(soles, (True, False), strict=True)
+    }
+    for t in (0.0, 0.1):  # longer than a fade
+        controller.accepted(AcceptedStep(tilted, t, STEP, touching))
+    turned = tilted.frame(soles[1].frame)
+    assert controller.log.disagreements["right_sole"]["partial"] == 1
+    assert (turned.J @ controller.actuation.a + turned.bias)[3] == pytest.approx(-0.03 * 25.0**2, rel=1e-3)
