@@ -228,6 +228,7 @@ class Ranking:
     def __rich__(self) -> Group:
         """How many are possible, the ranking, then the files that were not checked."""
         from rbd.motion.causes import FIGURES
+        from rbd.studies.motion_checks import short_names
 
         parts: list[Any] = []
         if self.checked:
@@ -236,11 +237,12 @@ class Ranking:
             share = "" if self.least_possible == 1.0 else f" in {100.0 * self.least_possible:g} % of their frames or more"
             headings = ("frames", "seconds", "score", "balance", "feet", "motors", "possible", "causes, frames")
             table = TerminalTable(f"{motions}, best first", ("file",), headings)
+            names = short_names([*self.checked])
             for file, x in self.ranked:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
                 possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
                 table.add_row(
-                    file, str(x["frames"]), f"{x['duration_s']:.2f}", f"{x['score']:.1f}",
+                    names[file], str(x["frames"]), f"{x['duration_s']:.2f}", f"{x['score']:.1f}",
                     *(f"{100.0 * x[figure]:.0f} %" for figure in FIGURES), possible,
                     joined((f"{name} {count}" for name, count in causes), CAUSES_SHOWN),
                 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -134,6 +134,12 @@ def checked_file(
     return report.lifted() if lift else report
 
 
+def short_names(files: Sequence[str]) -> dict[str, str]:
+    """{file: its path from the folder that all are in}."""
+    shared = len(os.path.commonpath([os.path.dirname(os.path.abspath(file)) for file in files])) if len(files) > 1 else 0
+    return {file: os.path.abspath(file)[shared:].lstrip(os.sep) if shared else file for file in files}
+
+
 def numbers_of(report: MotionReport) -> dict[str, Any]:
     """The summary of a report, of the one before it, and its worst frame with the robot's configuration there."""
     worst = int(np.argmin(report.grades))
@@ -214,6 +220,11 @@ class MotionChecks(Displayed):
     def _files(self) -> list[str]:
         parts = zip(self.dataset["file"].values, self.dataset["motion"].values, strict=True)
         return [f"{file}[{name}]" if name else str(file) for file, name in parts]
+
+    @lazy
+    def names(self) -> dict[str, str]:
+        """{file: its path from the folder that all are in}."""
+        return short_names(self._files)
 
     def report(self, file: str) -> MotionReport:
         """The report on one motion, checked again; by its name in `ranked`.

@@ -212,12 +212,10 @@ def _card(file: str, x: Mapping[str, Any], page: str, picture: bytes) -> str:
 
 
 def _all(checks: Any, links: Mapping[str, str]) -> str:
-    files = [file for file, _ in checks.ranked]
-    shared = len(os.path.commonpath([os.path.dirname(file) for file in files])) if len(files) > 1 else 0
     heads = ("motion", "s", "score", *FIGURES, "possible", "tilt, deg", "hover, mm", "slip, mm/s", "missing, %", "causes")
     rows = []
     for file, x in checks.ranked:
-        name = html.escape(file[shared:].lstrip(os.sep))
+        name = html.escape(checks.names[file])
         shown = f"<a href='{html.escape(links[file])}'>{name}</a>" if file in links else name
         shares = [100.0 * x[each] for each in (*FIGURES, "possible")]
         sizes = np.rad2deg(x["tilt_rad"]), 1e3 * x["hover_m"], 1e3 * x["slip_m_s"], 100.0 * x["missing_median"]
