@@ -31,11 +31,14 @@ def checked(motion: rbd.Motion) -> dict[str, rbd.motion.MotionReport]:
     g1, t, q = motion.robot, motion.t, motion.q
     dragged = q.copy()
     dragged[:, 0] += 0.05 * t  # 5 cm/s to the front
+    tilted = q.copy()
+    tilted[:, [g1.joints[f"{side}_ankle_pitch_joint"].q.start for side in ("left", "right")]] += np.deg2rad(5.0)
     return {
         "as it is": rbd.check_motion(motion),
-        "5 cm too high": rbd.check_motion(motion.lifted(0.05)),
-        "3 cm too low": rbd.check_motion(motion.lifted(-0.03)),
+        "5 cm too high": rbd.check_motion(motion.lifted(0.05), ground=0.0),
+        "3 cm too low": rbd.check_motion(motion.lifted(-0.03), ground=0.0),
         "dragged along": rbd.check_motion(rbd.Motion.of_arrays(g1, t, dragged)),
+        "soles tilted": rbd.check_motion(rbd.Motion.of_arrays(g1, t, tilted)),
         "in 0.5 s": rbd.check_motion(rbd.Motion.of_arrays(g1, 0.25 * t, q, window=0.05)),
         "weak motors": rbd.check_motion(motion, torque_limits=0.2),
     }
@@ -70,6 +73,7 @@ def check(result: dict[str, rbd.motion.MotionReport]) -> None:
         "5 cm too high": "floats",
         "3 cm too low": "sinks",
         "dragged along": "slides",
+        "soles tilted": "tilted sole",
         "in 0.5 s": "tips",
         "weak motors": "motor",
     }
