@@ -57,7 +57,8 @@ class BaseAndJoints:
         x: Their positions, shape (n, k), in the file's units.
         place: Of the base, shape (n, 3) [m]; None without one.
         turn: Its quaternions, shape (n, 4).
-        order: Theirs, "xyzw" or "wxyz", where it is known; None: as the base stays upright.
+        order: Theirs, "xyzw" or "wxyz", where it was given; None: as the base stays upright.
+        usual: Theirs in files of this format; None if it has no rule.
         steps: What the last digit is worth in place, turn and joints.
         where: Names a quaternion in messages.
     """
@@ -67,6 +68,7 @@ class BaseAndJoints:
     place: Array | None = None
     turn: Array | None = None
     order: str | None = None
+    usual: str | None = None
     steps: tuple[float, float, float | Array] = (0.0, 0.0, 0.0)
     where: Callable[[int], str] = "frame {}".format
 
@@ -82,7 +84,7 @@ def frames_of(
     base, notes, names = None, list(told), held.names
     if held.place is not None and held.turn is not None and robot.floating:
         check_unit(held.turn, held.where)
-        ordered, seen = chosen_order(robot, held.turn, held.order, path.name)
+        ordered, seen = chosen_order(robot, held.turn, held.order, path.name, held.usual)
         base = held.place, ordered
         notes += seen
     unit = unit_of(robot, names, held.x, given.units, path.name)
@@ -107,9 +109,9 @@ def of_base(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Fram
     t, told = times_in(file, given, n)
     joints, said = _names(file, robot, given, x, f"{keys[2]} has", asap=keys[0] == "root_trans_offset")
     first, second, third = (single_step(file.arrays[key]) for key in keys)
-    order = given.quaternion or (None if keys[1] != "root_rot" else "xyzw")
     where = f"{file.path.name}: {keys[1]}[{{}}]".format
-    held = BaseAndJoints(joints, x, place, turn, order, (first, second, third), where)
+    usual = "xyzw" if keys[1] == "root_rot" else None
+    held = BaseAndJoints(joints, x, place, turn, given.quaternion, usual, (first, second, third), where)
     found = frames_of(file.path, robot, given, t, [*said, *told], held)
     key = file.first(*VELOCITIES)
     return checked_rates_of(file, found, given, joints, _rows(file, key) if key else None)
@@ -142,8 +144,7 @@ def of_qpos(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Fram
         said.append(f"columns {start} to {start + FREE - 1} of qpos are of an object, that moves over {moves} m, and not read.")
     step = single_step(file.arrays["qpos"])
     place, turn = (qpos[:, base : base + 3], qpos[:, base + 3 : base + FREE]) if robot.floating else (None, None)
-    order = given.quaternion or "wxyz"
-    held = BaseAndJoints(names, x, place, turn, order, (step, step, step), f"{path.name}: qpos[{{}}]".format)
+    held = BaseAndJoints(names, x, place, turn, given.quaternion, "wxyz", (step, step, step), f"{path.name}: qpos[{{}}]".format)
     found = frames_of(path, robot, given, t, [*said, *told], held)
     v = _rows(file, "qvel") if "qvel" in file else np.empty(0)
     if v.shape != (len(qpos), width - len(frees)):  # a free joint has a velocity less than positions

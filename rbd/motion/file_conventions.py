@@ -324,23 +324,31 @@ def _seen_as_wxyz(robot: CheckedModel, t: Array, q: Array, v: Array | None, sour
     return [] if found is turn else notes
 
 
-def chosen_order(robot: CheckedModel, turn: Array, given: str | None, file: str) -> tuple[Array, list[str]]:
+def chosen_order(
+    robot: CheckedModel, turn: Array, given: str | None, file: str, usual: str | None = None
+) -> tuple[Array, list[str]]:
     """(quaternions as x, y, z, w, notes): in the order given, else in that in which the base stays upright.
 
-    A wrong order shows: with every turn of the heading the base rolls. It is x, y, z, w where the frames do not tell.
+    A wrong order shows: with every turn of the heading the base rolls. It is x, y, z, w, or that of the format, where frames do
+    not tell; against that of a format they must tell twice as clearly, for a robot can lie on the floor.
 
     Args:
         robot: The robot, whose standing posture tells which of its axes is up.
         turn: Four columns, shape (n, 4).
         given: "xyzw", "wxyz" or None.
         file: Name for the notes.
+        usual: That of the file's format, if it has one.
     """
     orders = {"xyzw": turn, "wxyz": turn[:, [1, 2, 3, 0]]}
     upright = {name: _upright(robot, x) for name, x in orders.items()}
-    chosen = given or ("wxyz" if upright["wxyz"] > upright["xyzw"] + CLEARLY else "xyzw")
+    first = usual or "xyzw"
+    second = "wxyz" if first == "xyzw" else "xyzw"
+    chosen = given or (second if upright[second] > upright[first] + (CLEARLY if usual is None else 2.0 * CLEARLY) else first)
     other = "wxyz" if chosen == "xyzw" else "xyzw"
     tilt = f"cosine of the base's tilt in the mean {upright[chosen]:.2f}, in the other order {upright[other]:.2f}"
-    notes = []
+    notes: list[str] = []
+    if given is None and chosen == usual:
+        return orders[chosen], notes
     if given is None:
         sure = abs(upright[chosen] - upright[other]) > CLEARLY
         notes.append(f"quaternions were taken as {', '.join(chosen)}{': ' if sure else ', the usual order: '}{tilt}.")

@@ -92,7 +92,7 @@ def _of_table(path: Path, table: Table, robot: CheckedModel, given: ReadSettings
     base = (x[:, place], x[:, turn]) if turn else (None, None)
     where = f"{path.name}, line {{}}: the quaternion in columns {min(turn, default=0) + 1} to {min(turn, default=0) + 4}".format
     order, steps = "xyzw" if columns.named else given.quaternion, (last["base"], last["quaternion"], last["joints"])
-    held = BaseAndJoints(names, x[:, joints], base[0], base[1], order, steps, lambda i: where(first + i))
+    held = BaseAndJoints(names, x[:, joints], base[0], base[1], order, None, steps, lambda i: where(first + i))
     return frames_of(path, robot, given, t, notes, held)
 
 

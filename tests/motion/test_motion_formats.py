@@ -83,6 +83,18 @@ class TestBaseAndJoints:
         assert agrees(found, steps, 2e-6) and found.derivation.noise_q[10] > 1e-9
         assert any("all 29 joints of g1, in that order" in note for note in found.notes)
 
+    def test_the_other_order_of_quaternions_is_seen(self, steps, parts, g1, tmp_path):
+        """Where the base turns enough: it would roll in the order of the format."""
+        turned = steps.q.copy()
+        turned[:, 3:7] = exponential(np.array([0.0, 0.0, 2.0]) * np.linspace(0.5, 1.5, 90)[:, None])
+        held = gmr(parts) | {"root_rot": turned[:, [6, 3, 4, 5]]}
+        found = Motion.read(pickled(tmp_path / "a.pkl", held), robot=g1, trust=True)
+        assert np.abs(found.q[:, 3:7] - turned[:, 3:7]).max() < 1e-12
+        assert any("quaternions were taken as w, x, y, z" in note for note in found.notes)
+        np.savez(tmp_path / "b.npz", qpos=turned, fps=60)
+        found = Motion.read(tmp_path / "b.npz", robot=g1, trust=True)
+        assert np.abs(found.q[:, 3:7] - turned[:, 3:7]).max() < 1e-12
+
     def test_lists_in_place_of_arrays(self, steps, parts, g1, tmp_path):
         """Rows as lists, or as a list of arrays."""
         as_lists = {name: list(x) if isinstance(x, np.ndarray) else x for name, x in gmr(parts).items()}
