@@ -66,6 +66,12 @@ class Step:
         """(least, most) x at its beginning from which a u leads to an x at its end from least to most; crossed if none."""
         return self._between(least, most)[:2]
 
+    @property
+    def largest(self) -> float:
+        """The largest x, NaN where there is none."""
+        least, most = self.before(0.0, np.inf)
+        return most if least <= most else np.nan
+
     def against(self, least: float, most: float) -> set[str]:
         """What is in the way where there is none."""
         return set(self._between(least, most)[2])
@@ -114,8 +120,8 @@ def fastest_alone(own: PathSet) -> float:
     """The largest x of a set, whatever the u; NaN of an empty one."""
     for _ in range(_CUTS):
         step = Step.standing(own)
-        least, x = step.before(0.0, np.inf)
-        if own.empty or least > x:
+        x = step.largest
+        if own.empty or np.isnan(x):
             return np.nan
         u = step.fastest(x, np.inf)[0]
         if own.separate(np.array([u, x])) <= 2.0 * TOLERANCE:

@@ -33,6 +33,8 @@ SPARED = 1e-3
 SLACK = 5e-4
 """Share of the weight that each component of the wrench may miss besides: a flight's set would else be a point."""
 _MET = 1e-6
+_SMOOTH = 1e-4
+"""Friction of a floor without any: cones that have an inside."""
 _SQUARES = 1e-3
 _FLAT = 1e-6
 """Forces that a unit of u changes by no more, over weight and limits: of a path at rest."""
@@ -257,7 +259,7 @@ class PathSets:
             pair, one = np.concatenate([-G, torque[1:, some].T]) * unit, np.ones(len(some))
             low, high = (np.append(b + sign * SLACK, sign * one - torque[0, some]) for sign in (-1.0, 1.0))
             program = forces, pair, low, high
-        mu, motors = max(limits.friction, 1e-9), [names[j] for j in some]
+        mu, motors = max(limits.friction, _SMOOTH), [names[j] for j in some]
         need = np.hstack([base + np.outer([1.0, 0.0, 0.0], missed), torque[:, known], np.outer([0.0, 0.0, 1.0], speed)])
         return PathSet(np.concatenate(normals), np.concatenate(sides), causes, program, mu, unit, metric, motors, need, missed)
 

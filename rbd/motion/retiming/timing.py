@@ -369,19 +369,20 @@ def _converged(
 def _no_way(
     sets: PathSets, places: Array, steps: list[Step], reach: Array, first: int, start: tuple[float, float]
 ) -> NoSolution:
-    """Why the end cannot be reached: a pose, the steps before a point, or the start."""
+    """Why the end cannot be reached: poses, the steps before a point, or the start."""
+    j = first - 1
+    near = () if not first else _along(sets, places[j : j + 2], np.zeros(2), np.zeros(1), CHECKED)[0]
+    asked = np.union1d(places, near)
+    sets.separate(asked, np.zeros((len(asked), 2)))
+    empty = asked[[each.empty or np.isnan(Step.standing(each).largest) for each in sets.at(asked)]]
+    if len(empty):
+        return _no_pose(sets, float(empty[0]), others=len(empty) - 1)
     if not first:
         low, high = np.sqrt(reach[0])
         return NoSolution(
             f"no timing begins with s' = {np.sqrt(start[0]):.4g}: only from {low:.4g} to {high:.4g} can the rest be done. "
             f"Try start={high:.3g}, or a part that begins elsewhere: motion.cut(...)."
         )
-    j = first - 1
-    for share in CHECKED:
-        place = float(places[j] + share * (places[j + 1] - places[j]))
-        own = sets.at(np.array([place]))[0]
-        if np.isnan(fastest_alone(own)):
-            return _no_pose(sets, place)
     (here, there), least, most = sets.time(places[j : j + 2]), float(reach[first, 0]), float(reach[first, 1])
     against = steps[j].against(least, most)
     if "balance" in against:
@@ -391,13 +392,15 @@ def _no_way(
     can = f"{low:.4g} to {high:.4g}" if low <= high else "nothing"
     return _Stuck(
         f"no timing goes on from {here:.4g} s (frame {places[j]:g}): s' can be {can} there, must be {np.sqrt(least):.4g} to "
-        f"{np.sqrt(most):.4g} at {there:.4g} s, and cannot change so fast: {', '.join(sorted(against))}.",
+        f"{np.sqrt(most):.4g} at {there:.4g} s, and cannot change so fast: {', '.join(sorted(against))}."
+        + (" Try end=0.0, or a part that ends elsewhere: motion.cut(...)." if first == len(steps) else ""),
         j,
     )
 
 
-def _no_pose(sets: PathSets, place: float, what: str = "") -> NoSolution:
-    """That no timing makes a pose possible, or `what` is not possible, with what is in the way of the pose at rest."""
+def _no_pose(sets: PathSets, place: float, what: str = "", others: int = 0) -> NoSolution:
+    """That no timing makes a pose, and others, possible, or `what` is not, with what is in the way of the pose at rest."""
+    also = f" The same holds for {others} other points of {len(sets.motion.t)} frames." if others else ""
     s = sets.time(np.array([place]))
     q, rest = sets.path(s)[0], np.zeros((1, sets.motion.robot.nv))
     one = Motion.of_arrays(sets.motion.robot, s, q, rest, rest, trust=True)
@@ -410,7 +413,7 @@ def _no_pose(sets: PathSets, place: float, what: str = "") -> NoSolution:
         if not sets.touches(np.array([place])).any() and not what:
             return NoSolution(
                 f"no timing makes the pose at {s[0]:.4g} s (frame {place:g}) possible: nothing touches, and it does not fall "
-                "as this path does (floats). Which points touch is read by rbd.motion.find_contacts; contacts= edits it."
+                f"as this path does (floats).{also} Which points touch is read by rbd.motion.find_contacts; contacts= edits it."
             )
         lanes = replace(sets.lanes.at_frames(np.array([int(place)])), t=s, touches=sets.touches(np.array([place])))
         lanes = replace(lanes, places=sets.points_at(q), slides=lanes.slides & False, raised=lanes.raised & False)
@@ -425,7 +428,7 @@ def _no_pose(sets: PathSets, place: float, what: str = "") -> NoSolution:
     why = "; ".join(words[:4]) or "it is at the edge of friction, soles and torques"
     said = f"{what} at {s[0]:.4g} s (frame {place:g}):" if what else (
         f"no timing makes the pose at {s[0]:.4g} s (frame {place:g}) possible: even at rest,")  # fmt: skip
-    return NoSolution(f"{said} {why}.")
+    return NoSolution(f"{said} {why}.{also}")
 
 
 def _named(sets: PathSets, places: Array, x: Array, u: Array, causes: list[str]) -> tuple[str, ...]:
