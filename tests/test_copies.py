@@ -273,9 +273,10 @@ def reference_motions() -> Iterator[object]:
     report = rbd.check_motion(derived, ground="fit")
     yield rbd.motion.MotionDifference.of(derived, derived)
     yield rbd.motion.list_motions("dance.csv", box)
+    yield rbd.studies.check_motions("dance.csv", robot=box, workers=0)
     assert str(report)
     yield from (made, derived, derived.derivation, report, report.lanes)
-    yield from (report.settings, report.collisions, report.lanes.points)
+    yield from (report.settings, report.collisions, report.lanes.points, report.feet_faults)
 
 
 def planar_chains() -> Iterator[object]:
