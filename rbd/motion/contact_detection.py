@@ -105,6 +105,27 @@ def find_contacts(
     return ContactTimeline(motion.t, points, touches, slides, heights, speeds, places, level, noise, touches & ~firm, notes)
 
 
+def lanes_of(
+    motion: Motion, points: FloorPoints, touches: Array, ground: float, rest_speed: float = REST_SPEED
+) -> ContactTimeline:
+    """The contacts of a motion whose points touch as said, measured: heights, speeds, which of them slide or are raised.
+
+    Args:
+        motion: The motion.
+        points: Points that may touch.
+        touches: Which do, shape (n, k).
+        ground: Height of the floor [m].
+        rest_speed: Fastest motion of a point that holds [m/s].
+    """
+    places = points.places(*placements(motion.robot, motion.q))
+    heights = places[..., 2] - ground
+    speeds, noise = slopes(motion.t, places[..., :2], touches, np.zeros(len(points)))
+    slides = touches & (speeds > rest_speed)
+    return ContactTimeline(
+        motion.t, points, touches, slides, heights, speeds, places, ground, noise, touches & (heights > TOUCHES_M)
+    )
+
+
 def _ground(motion: Motion, given: float | str | None, places: Array) -> tuple[float, tuple[str, ...]]:
     """(height of the floor [m], what to note of it)."""
     if isinstance(given, str) and given != "fit":

@@ -23,8 +23,8 @@ from rbd.motion.causes import CAUSES, FIGURES, beyond_position, beyond_speed, to
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.feet_faults import ANGLE, EXCESS, MISSING, SPEED, FeetFaults, grade
-from rbd.motion.nearest import nearest_motion
 from rbd.motion.reference_motion import Motion
+from rbd.motion.repair.repairing import repaired
 from rbd.motion.self_collision import SelfCollisions
 from rbd.records import Field
 from rbd.simulation.progress_bar import progress_of
@@ -325,53 +325,12 @@ class MotionReport(Displayed):
         """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
         return self.checked_again(self.motion.filtered(cutoff))
 
-    def nearest_motion(self, *, margin: float = 0.05, step: float = 5e-3, progress: bool = True) -> Motion:
-        """The motion that follows this one as far as the robot can: possible at each of its frames; it ends where it falls.
-
-        At each time a quadratic program (`rbd.control.step`) finds the accelerations, forces and torques nearest to what the
-        motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and the torque limits of
-        this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The centre of
-        mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where feet hover
-        or sink, the reference is moved to the floor by one height: where most of its frames float, that of `lifted`; feet that
-        slide are held where they came down.
-        The torque-speed lines of the robot's motors are kept; curves of `check_motion(torque_speed=)` and self-collision are
-        left out.
-
-        Args:
-            margin: Share of the friction, of the soles' size and of the torque limits that is not used, so that a controller
-                can follow it; of the torques at least 0.03, to which a check finds them.
-            step: Longest step of the integration [s].
-            progress: Show a bar on a terminal where it takes long.
-
-        Returns:
-            A motion of the same robot and times, up to where it falls, with its contacts. Its notes say what was changed; see
-            `rbd.motion.MotionDifference` for how far it is from this one.
-
-        Raises:
-            InputError: a step or a margin that is none, or torque limits above those of the robot's file.
-            NoSolution: not even its first frame is possible.
-        """
-        limits = self.settings.torque_limits
-        share = (1.0 if limits else None) if isinstance(limits, bool) else as_float(limits)
-        if share is not None and share > 1.0:
-            raise InputError(f"the report allows {share:g} times the torque limits of the file; expected a share of at most 1.")
-        longest = check_number("step", step, 1e-4, 0.1, expected="a time from 1e-4 to 0.1 s")
-        unused = check_number("margin", margin, 0.0, 0.9, expected="a share from 0 to 0.9")
-        check_flag("progress", progress)
-        if (
-            self.before is None
-            and len(self.lanes.points)
-            and np.mean(self.of_cause("floats") & ~self.lanes.touches.any(axis=1)) > 0.5
-        ):
-            low = self.lifted()
-            by = float(low.motion.q[0, 2] - self.motion.q[0, 2])
-            first, *more = (found := low.nearest_motion(margin=margin, step=step, progress=progress)).notes
-            told = f"the reference floats in most frames, and was moved by {1e3 * by:.0f} mm to the floor, as lifted() does."
-            return replace(found, notes=(first, told, *more))
+    def repaired(self, *, slower: float = 1.0, progress: bool = True) -> Motion:
+        """The motion repaired."""
         m = self.motion
-        span = (float(m.t[0]), float(m.t[-1]))
-        with one_blas_thread(), progress_of(span, shown=progress, doing=f"following {m.source}") as done:
-            return nearest_motion(m, self.lanes, self.friction, share, unused, longest, done)
+        level = m.ground if self.settings.ground in (None, "fit") else self.lanes.ground
+        with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"repairing {m.source}") as done:
+            return repaired(m, self.lanes, self.friction, self.settings.self_collision, level, slower, done)
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""

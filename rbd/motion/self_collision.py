@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -49,27 +49,79 @@ def self_collisions(robot: CheckedModel, q: Array, R: Array, p: Array) -> SelfCo
         R: Orientations of joints, as `placements`.
         p: Their origins.
     """
-    shapes = list(convex_shapes(robot))
-    inside, found, skipped = np.zeros(len(q), bool), dict[tuple[str, str], Array](), list[tuple[str, str]]()
-    rest = placements(robot, np.array([pin.neutral(robot.model), *getattr(robot, "postures", {}).values()]))
-    centres = [np.matmul(R[:, s.joint], s.centre) + p[:, s.joint] for _, _, s in shapes]
-    for i, j in _pairs(robot, shapes):
-        (_, link, one), (_, second, other) = shapes[i], shapes[j]
-        near = np.flatnonzero(np.linalg.norm(centres[i] - centres[j], axis=1) < one.reach + other.reach)
-        if not len(near):
-            continue
-        if len(_overlaps(one, other, *rest, np.arange(len(rest[0])))):
-            skipped.append((one.name, other.name))
-            continue
-        hits = _overlaps(one, other, R, p, near)
-        if len(hits):
-            found[link, second] = np.union1d(found.get((link, second), hits), hits)
-            inside[hits] = True
-    return SelfCollisions(inside, found, tuple(skipped))
+    inside, found, bodies = np.zeros(len(q), bool), dict[tuple[str, str], Array](), BodyPairs.of(robot)
+    for i, j, near in bodies.near(R, p, -DEEP_M):
+        pair, hits = (bodies.shapes[i][1], bodies.shapes[j][1]), near.frames
+        found[pair] = np.union1d(found.get(pair, hits), hits)
+        inside[hits] = True
+    return SelfCollisions(inside, found, tuple(bodies.left_out))
 
 
-def _overlaps(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Array) -> Array:
-    """Those of some frames in which two shapes are inside each other by more than `DEEP_M`.
+class NearBodies(NamedTuple):
+    """Where two shapes are near each other, in m frames.
+
+    Attributes:
+        frames: Indices of the frames, shape (m,).
+        gap: Signed distance, shape (m,) [m].
+        normal: Unit vector from the first to the second, in W, shape (m, 3).
+        first: Nearest point of the first shape, in W, shape (m, 3) [m].
+        second: That of the second.
+    """
+
+    frames: Array
+    gap: Array
+    normal: Array
+    first: Array
+    second: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPairs:
+    """Shapes of a robot and pairs of them that must not overlap.
+
+    Attributes:
+        shapes: (number, link, shape) of each, as `convex_shapes`.
+        pairs: Indices of shapes.
+        left_out: Names of pairs that overlap in the robot's own postures, filled as they come near.
+    """
+
+    shapes: list[tuple[int, str, ConvexShape]]
+    pairs: list[tuple[int, int]]
+    rest: tuple[Array, Array]
+    left_out: list[tuple[str, str]] = field(default_factory=list)
+    known: dict[tuple[int, int], bool] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, robot: CheckedModel) -> BodyPairs:
+        """Those of a robot."""
+        shapes = list(convex_shapes(robot))
+        postures = np.array([pin.neutral(robot.model), *getattr(robot, "postures", {}).values()])
+        return cls(shapes, _pairs(robot, shapes), placements(robot, postures))
+
+    def near(self, R: Array, p: Array, within: float) -> Iterator[tuple[int, int, NearBodies]]:
+        """(first, second, where) of each pair that is nearer than a distance in some frames; arguments as `placements`."""
+        centres = [np.matmul(R[:, s.joint], s.centre) + p[:, s.joint] for _, _, s in self.shapes]
+        for i, j in self.pairs:
+            (*_, one), (*_, other) = self.shapes[i], self.shapes[j]
+            close = np.linalg.norm(centres[i] - centres[j], axis=1) < one.reach + other.reach + max(within, 0.0)
+            if not close.any() or self._rests_inside(i, j):
+                continue
+            found = _near(one, other, R, p, np.flatnonzero(close), within)
+            if len(found.frames):
+                yield i, j, found
+
+    def _rests_inside(self, i: int, j: int) -> bool:
+        if (i, j) not in self.known:
+            one, other = self.shapes[i][2], self.shapes[j][2]
+            resting = _near(one, other, *self.rest, np.arange(len(self.rest[0])), -DEEP_M)
+            self.known[i, j] = bool(len(resting.frames))
+            if self.known[i, j]:
+                self.left_out.append((one.name, other.name))
+        return self.known[i, j]
+
+
+def _near(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Array, within: float) -> NearBodies:
+    """Where two shapes are nearer than a distance, among some frames.
 
     Frames before which they have not moved so far as they were apart are not measured.
     """
@@ -80,16 +132,17 @@ def _overlaps(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: 
     # the Frobenius norm is at least the largest motion of a unit vector
     steps = np.linalg.norm(np.diff(centre, axis=0), axis=1) + other.reach * np.linalg.norm(np.diff(turned, axis=0), axis=(1, 2))
     path = np.concatenate([[0.0], np.cumsum(steps)])
-    hits, i = list[int](), 0
+    hits, i = list[tuple[float, ...]](), 0
     while i < len(frames):
         X, Y = (pin.SE3(R[frames[i], s.joint], p[frames[i], s.joint]) * s.X_JC for s in (one, other))
         places = (coal.Transform3s(Z.rotation, Z.translation) for Z in (X, Y))
         result.clear()
-        gap = float(coal.distance(one.coal, next(places), other.coal, next(places), request, result)) + DEEP_M
-        if gap < 0.0:
-            hits.append(frames[i])
-        i = max(i + 1, int(np.searchsorted(path, path[i] + gap)))
-    return np.array(hits, int)
+        gap = float(coal.distance(one.coal, next(places), other.coal, next(places), request, result))
+        if gap < within:
+            hits.append((frames[i], gap, *result.normal, *result.getNearestPoint1(), *result.getNearestPoint2()))
+        i = max(i + 1, int(np.searchsorted(path, path[i] + gap - within)))
+    found = np.array(hits).reshape(-1, 11)
+    return NearBodies(found[:, 0].astype(int), found[:, 1], found[:, 2:5], found[:, 5:8], found[:, 8:])
 
 
 def _pairs(robot: CheckedModel, shapes: Sequence[tuple[int, str, ConvexShape]]) -> list[tuple[int, int]]:

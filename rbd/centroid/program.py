@@ -1,0 +1,272 @@
+"""The centroid's program: centre of mass, rate of angular momentum and contact forces over a whole motion, by one cone program.
+
+    m (c[k-1] - 2 c[k] + c[k+1]) / dt^2 = sum_i f_i + m g,        L_dot = sum_i (p_i - c) x f_i,        |f_t| <= mu f_z
+
+The moment is bilinear in c and f. About a plan (c0, F0) that is known, F = sum f_i, it is
+
+    (p - c) x f  =  (p - c0) x f - (c - c0) x F0
+
+to second order; `CentroidProgram.solve` is called again from its own answer until the two agree. Where stances may shift, by d,
+their force f0 of the plan before turns with them: d x f0. Forces between the times are means of those at the times, so in their
+cones. [Wensing2023], [Winkler2018] treat the same equations; SI units, world axes, z up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array, each_times
+from rbd.errors import NoSolution
+
+
+@dataclass(frozen=True)
+class CentroidCosts:
+    """What a unit of cost is: sizes of deviations that matter equally.
+
+    Attributes:
+        com: Of the centre of mass from the reference [m].
+        momentum: Of the rate of angular momentum from the reference, over the weight [m].
+        acceleration: Of the centre of mass's acceleration from the reference [m/s2].
+        jerk: Of the centre of mass [m/s3].
+        force: Of forces, over the weight.
+        force_rate: Change of forces over the weight in a second [1/s].
+        shift: Of a stance that lasts a quarter of a second [m].
+    """
+
+    com: float = 0.05
+    momentum: float = 4.0 / 330.0
+    acceleration: float = 2.0
+    jerk: float = 60.0
+    force: float = 3.0
+    force_rate: float = 5.0
+    shift: float = 0.04
+
+
+@dataclass(frozen=True, eq=False)
+class CentroidPlan:
+    """A motion of the centroid in n times with forces at k points.
+
+    Attributes:
+        com: Centre of mass, shape (n, 3) [m].
+        moment: Rate of angular momentum about it, shape (n, 3) [N m].
+        forces: At the points, shape (n, k, 3) [N]; zero where they do not touch.
+        shifts: Of the stances along the floor, shape (stances, 2) [m].
+        status: What the solver said.
+        residual: Largest error of the balance of forces and of moments about the plan's own centre of mass, over the weight, and
+            over the weight times 0.3 m: what the linearised moment leaves.
+    """
+
+    com: Array
+    moment: Array
+    forces: Array
+    shifts: Array
+    status: str
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class CentroidProgram:
+    """The nearest motion of the centroid to a reference that contacts can bring about.
+
+    Attributes:
+        dt: Time between two of the n times [s].
+        mass: Of the robot [kg].
+        gravity: Shape (3,) [m/s2].
+        points: Places that may touch, shape (n, k, 3) [m].
+        touches: Which of them do, shape (n, k).
+        friction: Coulomb's coefficient.
+        com: Reference of the centre of mass, shape (n, 3) [m].
+        moment: Reference of the rate of angular momentum, shape (n, 3) [N m].
+        stance: Which stance moves each point, shape (n, k); -1: none. Stances shift along the floor as wholes.
+        bounds: (G, h): shifts d of all stances, one after the other, keep G d >= h, shapes (m, 2 stances) and (m,); feet apart, within
+            reach.
+        costs: See `CentroidCosts`.
+    """
+
+    dt: float
+    mass: float
+    gravity: Array
+    points: Array
+    touches: Array
+    friction: float
+    com: Array
+    moment: Array
+    stance: Array | None = None
+    bounds: tuple[Array, Array] | None = None
+    costs: CentroidCosts = field(default_factory=CentroidCosts)
+
+    def solve(self, about: CentroidPlan | None = None) -> CentroidPlan:
+        """The plan; moments linearised about another one, by default the reference with forces that carry its weight.
+
+        Raises:
+            NoSolution: the solver ended without an answer, in its words.
+        """
+        import clarabel
+        from scipy.sparse import csc_matrix, triu
+
+        n, unit = len(self.com), self.weight
+        k, i = np.nonzero(self.touches)
+        E, S = len(k), self.stances
+        force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts
+        com = self.com if about is None else about.com
+        cross = _crosses((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
+        total = (self._acceleration(com) - self.gravity) * self.mass / unit
+        turned = _crosses(total)
+
+        A, b = _Rows(), np.concatenate([np.tile(self.gravity * self.mass / unit, n), -each_times(turned, com).ravel()])
+        xyz = np.arange(3)
+        for at, factor in zip(_around(n), (1.0, -2.0, 1.0), strict=True):
+            A.put(3 * np.arange(n), 3 * at, xyz, xyz, factor * self.mass / (unit * self.dt**2))
+        A.put(3 * k, force, xyz, xyz, -1.0)
+        low = 3 * n + 3 * np.arange(n)
+        A.put(low, low, xyz, xyz, 1.0)
+        A.block(3 * n + 3 * k, force, -cross)
+        A.block(low, 3 * np.arange(n), -turned)
+        if S and about is not None:
+            s, moved = self._stance()[k, i], about.forces[k, i] / unit
+            on = s >= 0
+            turns = _crosses(moved[on])[:, :, :2]
+            A.block(3 * n + 3 * k[on], shift + 2 * s[on], turns)
+            np.add.at(b[3 * n :].reshape(n, 3), k[on], each_times(turns, about.shifts[s[on]]))
+        equal = 6 * n
+        G, h = (np.zeros((0, 2 * S)), np.zeros(0)) if self.bounds is None else self.bounds
+        m = len(h)
+        A.block(np.array([equal]), np.array([shift]), -G[None])
+        cone = equal + m + 3 * np.arange(E)
+        for row, column, factor in ((0, 2, self.friction), (1, 0, 1.0), (2, 1, 1.0)):
+            A.put(cone + row, force + column, [0], [0], -factor)
+
+        R, t = self._wanted(k, i, force, shift)
+        M = A.matrix(equal + m + 3 * E, shift + 2 * S)
+        settings = clarabel.DefaultSettings()
+        settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100
+        settings.tol_gap_abs = settings.tol_gap_rel = 1e-5
+        settings.tol_feas = 1e-7
+        found = clarabel.DefaultSolver(
+            csc_matrix(triu(R.T @ R)), -(R.T @ t), M, np.concatenate([b, -h, np.zeros(3 * E)]),
+            [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E], settings,
+        ).solve()  # fmt: skip
+        x, status = np.asarray(found.x), str(found.status)
+        if status.removeprefix("Almost") != "Solved" or not np.isfinite(x).all():
+            raise NoSolution(f"the centroid's program of {n} times and {E} forces ended with {status!r}.")
+        f = np.zeros((n, self.points.shape[1], 3))
+        f[k, i] = unit * x[6 * n : shift].reshape(E, 3)
+        plan = CentroidPlan(
+            x[: 3 * n].reshape(n, 3), unit * x[3 * n : 6 * n].reshape(n, 3), f, x[shift:].reshape(S, 2), status, np.inf
+        )
+        return replace(plan, residual=self._residual(plan))
+
+    @property
+    def weight(self) -> float:
+        """Mass times gravity [N]."""
+        return self.mass * float(np.linalg.norm(self.gravity))
+
+    @property
+    def stances(self) -> int:
+        """How many stances may shift."""
+        return 0 if self.stance is None else int(self.stance.max(initial=-1)) + 1
+
+    def _stance(self) -> Array:
+        return np.full(self.touches.shape, -1) if self.stance is None else self.stance
+
+    def _places(self, shifts: Array) -> Array:
+        """The points with their stances shifted."""
+        out, s = self.points.copy(), self._stance()
+        if self.stances:
+            out[..., :2] += np.where((s >= 0)[..., None], shifts[s], 0.0)
+        return out
+
+    def _acceleration(self, com: Array) -> Array:
+        before, at, after = _around(len(com))
+        return np.asarray((com[before] - 2.0 * com[at] + com[after]) / self.dt**2)
+
+    def _wanted(self, k: Array, i: Array, force: Array, shift: int) -> tuple[Any, Array]:
+        """(R, t) of the cost |R x - t|^2 / 2."""
+        n, E, S, w, dt = len(self.com), len(k), self.stances, self.costs, self.dt
+        share = np.sqrt(60.0 * dt)  # a sum over times, as an integral over time
+        R, xyz = _Rows(), np.arange(3)
+        c = 3 * np.arange(n)
+        R.put(c, c, xyz, xyz, share / w.com)
+        R.put(3 * n + c, 3 * n + c, xyz, xyz, share / w.momentum)
+        t = [share * self.com.ravel() / w.com, share * self.moment.ravel() / (self.weight * w.momentum)]
+        row = 6 * n
+        for at, factor in zip(_around(n), (1.0, -2.0, 1.0), strict=True):
+            R.put(row + c, 3 * at, xyz, xyz, share * factor / (dt**2 * w.acceleration))
+        t.append(share * self._acceleration(self.com).ravel() / w.acceleration)
+        row += 3 * n
+        for step, factor in enumerate((-1.0, 3.0, -3.0, 1.0)):
+            R.put(row + c[: n - 3], c[: n - 3] + 3 * step, xyz, xyz, share * factor / (dt**3 * w.jerk))
+        row += 3 * max(n - 3, 0)
+        R.put(row + 3 * np.arange(E), force, xyz, xyz, share / w.force)
+        row += 3 * E
+        number = np.full((n + 2, self.points.shape[1]), -1)  # of the force at each point, -1 before, after and in the air
+        number[k + 1, i] = np.arange(E)
+        changes = 0
+        for begin in (0, 1):  # from the time before, if it touches only later or goes on; to the time after it lifts
+            one, two = number[begin : n + begin], number[begin + 1 : n + begin + 1]
+            chosen = (two >= 0) if begin == 0 else (one >= 0) & (two < 0)
+            at, point = np.nonzero(chosen & ((np.arange(n) + begin - 1 >= 0) & (np.arange(n) + begin < n))[:, None])
+            rows = row + 3 * (changes + np.arange(len(at)))
+            for which, factor in ((one[at, point], -1.0), (two[at, point], 1.0)):
+                there = which >= 0
+                R.put(rows[there], force[which[there]], xyz, xyz, factor * share / (dt * 60.0 * w.force_rate / 60.0))
+            changes += len(at)
+        row += 3 * changes
+        if S:
+            at, stance = np.nonzero(self.touches & (self._stance() >= 0)), self._stance()
+            first = np.unique(np.stack([at[0], stance[at]]), axis=1)  # each time of each stance, once
+            count = np.bincount(first[1], minlength=S)
+            R.put(row + 2 * np.arange(S), shift + 2 * np.arange(S), xyz[:2], xyz[:2], np.sqrt(4.0 * dt * count) / w.shift)
+            row += 2 * S
+        out = np.zeros(row)
+        known = np.concatenate(t)
+        out[: len(known)] = known
+        return R.matrix(row, shift + 2 * S), out
+
+    def _residual(self, plan: CentroidPlan) -> float:
+        places = self._places(plan.shifts)
+        force = plan.forces.sum(axis=1) - self.mass * (self._acceleration(plan.com) - self.gravity)
+        moment = np.cross(places - plan.com[:, None], plan.forces).sum(axis=1) - plan.moment
+        return float(max(np.abs(force).max() / self.weight, np.abs(moment).max() / (0.3 * self.weight)))
+
+
+class _Rows:
+    """A sparse matrix, put together from blocks."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[Array, Array, Array]] = []
+
+    def put(self, rows: Array, columns: Array, r: Any, c: Any, value: Any) -> None:
+        """The same diagonal block at places (row, column): entries (r, c) of it have a value."""
+        i, j = np.add.outer(rows, r).ravel(), np.add.outer(columns, c).ravel()
+        self.parts.append((i, j, np.broadcast_to(np.asarray(value, float).reshape(-1, 1), (len(rows), len(r))).ravel()))
+
+    def block(self, rows: Array, columns: Array, values: Array) -> None:
+        """A block of its own, values (places, r, c), at each place."""
+        _, r, c = values.shape
+        i = np.broadcast_to(rows[:, None, None] + np.arange(r)[:, None], values.shape)
+        j = np.broadcast_to(columns[:, None, None] + np.arange(c), values.shape)
+        self.parts.append((i.ravel(), j.ravel(), values.ravel()))
+
+    def matrix(self, rows: int, columns: int) -> Any:
+        from scipy.sparse import csc_matrix
+
+        i, j, x = (np.concatenate(part) for part in zip(*self.parts, strict=True))
+        return csc_matrix((x, (i, j)), shape=(rows, columns))
+
+
+def _around(n: int) -> tuple[Array, Array, Array]:
+    """The three times of the second difference at each time; those of its neighbour at the first and the last."""
+    at = np.clip(np.arange(n), 1, max(n - 2, 1))
+    return at - 1, at, at + 1
+
+
+def _crosses(p: Array) -> Array:
+    """Matrices of p x, shape (n, 3, 3)."""
+    out = np.zeros((len(p), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
+    return out - out.swapaxes(1, 2)
+

@@ -1,0 +1,318 @@
+"""Stances of feet and their paths: flat on the floor and fixed while they stand, smooth above it between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.contact import Contact
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.contact_timeline import stretches
+from rbd.motion.frame_terms import placements
+
+LEAST_STANCE, LEAST_SWING, BOTH = 0.12, 0.2, 0.1
+"""Shortest stance and shortest step [s]; and how long two feet share the load where one takes it from the other."""
+DRIFT, TURN = 0.06, 0.45
+"""A foot that moves farther [m], or turns farther [rad], while it stands, makes one more step where there is time for one."""
+STEP = 0.3
+"""Duration of such a step [s]."""
+EDGE = 0.12
+"""Least time between it and other changes of the feet [s]."""
+FLIGHT, LONGEST_FLIGHT = 0.05, 0.8
+"""Nothing stands where the lowest foot is this high [m], for 0.1 s to the other number [s]."""
+CLEAR = 0.04
+"""Height of the lowest corner in the middle of a step, at least [m]."""
+SMOOTH = 0.03
+"""Standard deviation of the filter of positions of feet [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """The feet of a robot over n frames: F contacts fixed to bodies.
+
+    Attributes:
+        contacts: The contacts.
+        joint: Which joint carries each, shape (F,).
+        R_J: Orientation of each foot in its joint's axes, shape (F, 3, 3).
+        p_J: Its origin, shape (F, 3) [m].
+        corners: Points in its own axes, one array (k, 3) a foot [m].
+        flat: Which of them are surfaces: their orientation matters, shape (F,).
+        R: Orientations in W, shape (n, F, 3, 3).
+        p: Origins in W, shape (n, F, 3) [m].
+        dt: Time between frames [s].
+    """
+
+    contacts: tuple[Contact, ...]
+    joint: Array
+    R_J: Array
+    p_J: Array
+    corners: tuple[Array, ...]
+    flat: Array
+    R: Array
+    p: Array
+    dt: float
+
+    @classmethod
+    def of(cls, robot: CheckedModel, contacts: Iterable[Contact], q: Array, dt: float) -> Feet:
+        """Those of configurations, shape (n, nq)."""
+        feet = tuple(contacts)
+        sites = [robot.site(foot.frame) for foot in feet]
+        X = [at * foot.placement for (_, at), foot in zip(sites, feet, strict=True)]
+        none = np.zeros((0, len(feet), 3))
+        found = cls(
+            feet, np.array([joint for joint, _ in sites]), np.array([x.rotation for x in X]),
+            np.array([x.translation for x in X]), tuple(foot.corners for foot in feet),
+            np.array([len(foot.corners) > 2 for foot in feet]), none, none, dt,
+        )  # fmt: skip
+        return found.at(*placements(robot, q))
+
+    def at(self, R: Array, p: Array) -> Feet:
+        """The same feet where joints are placed so, as `placements`."""
+        turned = R[:, self.joint]
+        return replace(self, R=turned @ self.R_J, p=p[:, self.joint] + np.matmul(turned, self.p_J[:, :, None])[..., 0])
+
+    @property
+    def low(self) -> Array:
+        """Height of the lowest corner of each foot, shape (n, F) [m]."""
+        return np.stack([(self.p[:, f, 2, None] + self.R[:, f, 2] @ c.T).min(axis=1) for f, c in enumerate(self.corners)], 1)
+
+    @property
+    def yaw(self) -> Array:
+        """Heading of each foot, without jumps, shape (n, F) [rad]."""
+        return np.unwrap(np.arctan2(self.R[..., 1, 0], self.R[..., 0, 0]), axis=0)
+
+    @property
+    def smooth(self) -> Array:
+        """Origins without what is faster than about 5 Hz, shape (n, F, 3) [m]."""
+        return blurred(self.p, SMOOTH / self.dt)
+
+    @property
+    def speed(self) -> Array:
+        """Speed of each origin, shape (n, F) [m/s]."""
+        return np.asarray(np.linalg.norm(np.gradient(self.smooth, self.dt, axis=0), axis=2))
+
+    def error(self, R: Array, p: Array) -> Array:
+        """What turns and moves each foot to a pose, in that pose's axes: (position, rotation vector), shape (n, F, 6)."""
+        back = R.swapaxes(-1, -2)
+        return np.concatenate([np.matmul(back, (p - self.p)[..., None])[..., 0], -rotation_vectors(back @ self.R)], axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """A foot stands from one frame to another.
+
+    Attributes:
+        foot: Its index.
+        first: First frame.
+        last: Last frame.
+        place: x, y [m] and yaw [rad].
+    """
+
+    foot: int
+    first: int
+    last: int
+    place: Array
+
+    @property
+    def frames(self) -> slice:
+        """Those in which it stands."""
+        return slice(self.first, self.last + 1)
+
+    def moved_to(self, feet: Feet) -> Stance:
+        """The stance at the mean place and heading that its foot has now."""
+        yaw = float(feet.yaw[self.frames, self.foot].mean())
+        yaw += 2.0 * np.pi * np.round((self.place[2] - yaw) / (2.0 * np.pi))
+        return replace(self, place=np.append(feet.p[self.frames, self.foot, :2].mean(axis=0), yaw))
+
+
+def standing(on: Array, feet: Feet, ground: float) -> Array:
+    """Which feet stand when, shape (n, F): as meant, without stances and steps too short to make, and never none.
+
+    Changes of feet share the load for a time. A foot that drifts or turns while it is down makes one more step where it moves
+    most.
+
+    Args:
+        on: Which feet touch as meant, shape (n, F).
+        feet: The feet of the same motion.
+        ground: Height of the floor [m].
+    """
+    dt, n = feet.dt, len(feet.p)
+    on = on.copy()
+    low, speed = feet.low - ground, feet.speed
+    flies = np.zeros(n, bool)
+    for a, b in stretches(low.min(axis=1) > FLIGHT):
+        flies[a:b] = 0.1 < (b - a) * dt < LONGEST_FLIGHT
+    for _ in range(2):
+        for f in range(on.shape[1]):
+            _drop_short(on, f, feet)
+        for a, b in stretches(~on.any(axis=1) & ~flies):
+            if a > 0 and (b - a) * dt < 0.25:
+                on[a:b] = on[a - 1]
+            else:
+                near = (low[a:b] / 0.03 + speed[a:b] / 0.25).argmin(axis=1)
+                on[np.arange(a, b), near] = True
+    _more_steps(on, feet)
+    return _shared(on, dt)
+
+
+def _others(on: Array, f: int) -> Array:
+    """Frames in which some other foot stands."""
+    return np.asarray(np.delete(on, f, axis=1).any(axis=1))
+
+
+def _drop_short(on: Array, f: int, feet: Feet) -> None:
+    """Stances that are too short become part of a step; steps that are too short end, or become longer where others stand."""
+    n, dt = len(on), feet.dt
+    for a, b in stretches(on[:, f]):
+        if (b - a) * dt < LEAST_STANCE and a > 0 and b < n:
+            on[a:b, f] = False
+    for a, b in stretches(~on[:, f]):
+        if a == 0 or b == n or (b - a) * dt >= LEAST_SWING:
+            continue
+        far = float(np.linalg.norm(feet.smooth[b - 1, f, :2] - feet.smooth[a, f, :2]))
+        if far < 0.02 and (b - a) * dt < 0.12:
+            on[a:b, f] = True
+        else:
+            more = int(np.ceil((LEAST_SWING / dt - (b - a)) / 2))
+            wider = slice(max(a - more, 0), b + more)
+            on[wider, f] &= ~_others(on, f)[wider]
+
+
+def _more_steps(on: Array, feet: Feet) -> None:
+    dt, n = feet.dt, len(on)
+    half, edge = round(0.5 * STEP / dt), round(EDGE / dt)
+    place, yaw = feet.smooth[..., :2], feet.yaw
+    score = feet.speed + 0.15 * np.abs(np.gradient(blurred(yaw, SMOOTH / dt), dt, axis=0))
+    for _ in range(12):
+        before = on.copy()
+        for f in range(on.shape[1]):
+            steady = _all_within(_others(on, f), half + edge)
+            for a, b in stretches(on[:, f]):
+                if np.ptp(place[a:b, f], axis=0).max() < DRIFT and not (feet.flat[f] and np.ptp(yaw[a:b, f]) > TURN):
+                    continue
+                free = np.zeros(n, bool)
+                free[a + half + edge : max(b - half - edge, 0)] = True
+                free &= steady
+                if free.any():
+                    k = int(np.argmax(np.where(free, score[:, f], -1.0)))
+                    on[k - half : k + half + 1, f] = False
+        if np.array_equal(on, before):
+            return
+
+
+def _all_within(x: Array, reach: int) -> Array:
+    """Whether all within `reach` frames of each frame are true; those beyond the ends do not count."""
+    off = np.concatenate([[0], np.cumsum(~x)])
+    at = np.arange(len(x))
+    return np.asarray(off[np.minimum(at + reach + 1, len(x))] == off[np.maximum(at - reach, 0)])
+
+
+def _shared(on: Array, dt: float) -> Array:
+    """With stances made longer at both ends so that two feet share the load for `BOTH` where one takes it from the other."""
+    n, half, wide = len(on), round(0.5 * BOTH / dt), on.copy()
+    for f in range(on.shape[1]):
+        held = _others(on, f)
+        for a, b in stretches(on[:, f]):
+            if b < n and not held[b : b + 2 * half].all():
+                wide[b : b + half, f] = True
+            if a > 0 and not held[max(a - 2 * half, 0) : a].all():
+                wide[max(a - half, 0) : a, f] = True
+        for a, b in stretches(~wide[:, f]):
+            if (b - a) * dt < 0.15 and a > 0 and b < n:
+                wide[a:b, f] = on[a:b, f]
+    return wide
+
+
+def stances_of(on: Array, feet: Feet) -> list[Stance]:
+    """The stances of lanes: each at the mean place and heading of its frames, in which slow ones count more."""
+    weight = 1.0 / (feet.speed + 0.02) ** 2
+    yaw = feet.yaw
+    out = []
+    for f in range(on.shape[1]):
+        for a, b in stretches(on[:, f]):
+            w = weight[a:b, f]
+            out.append(Stance(f, a, b - 1, np.append(w @ feet.p[a:b, f, :2], w @ yaw[a:b, f]) / w.sum()))
+    return out
+
+
+def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, Array, Array]:
+    """(R, p, free) of the feet: level and fixed in stances, smooth and above the floor between.
+
+    Shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F): how free they are, from 0 in stances to 1 in the middle of steps.
+
+    Args:
+        stances: All stances.
+        feet: The feet of the reference, whose height, tilt and way are kept in the middle of a step.
+        ground: Height of the floor [m].
+    """
+    R, p, free = feet.R.copy(), feet.p.copy(), np.zeros(feet.p.shape[:2])
+    smooth, yaw, low = feet.smooth, feet.yaw, feet.low - ground
+    n = len(p)
+    for f, corners in enumerate(feet.corners):
+        own = [s for s in stances if s.foot == f]
+        for s in own:
+            p[s.frames, f] = [*s.place[:2], ground - float(corners[:, 2].min())]
+            R[s.frames, f] = turned(s.place[2:])[0] if feet.flat[f] else feet.R[s.frames, f]
+        for before, after in zip([None, *own], [*own, None], strict=True):
+            a, b = (-1 if before is None else before.last), (n if after is None else after.first)
+            k = np.arange(a + 1, b)
+            if not len(k):
+                continue
+            u = (k - a) / (b - a)
+            along, up = np.ones(len(k)), np.ones(len(k))
+            if before is not None:
+                along, up = along * blend((u - 0.15) / 0.35), up * blend(u / 0.35)
+            if after is not None:
+                along, up = along * blend((0.85 - u) / 0.35), up * blend((1.0 - u) / 0.35)
+            now = np.column_stack([smooth[k, f, :2], yaw[k, f]])
+            if before is not None and after is not None:
+                between = before.place + blend((u - 0.15) / 0.7)[:, None] * (after.place - before.place)
+            else:
+                one = before or after
+                between = now if one is None else np.tile(one.place, (len(k), 1))
+            place = between + along[:, None] * (now - between)
+            tilt = rotation_vectors(turned(-yaw[k, f]) @ feet.R[k, f])
+            R[k, f] = turned(place[:, 2]) @ rotations(along[:, None] * tilt) if feet.flat[f] else feet.R[k, f]
+            height = up * np.maximum(low[k, f], CLEAR if before is not None or after is not None else 0.0)
+            free[k, f], p[k, f, :2] = along, place[:, :2]
+            p[k, f, 2] = ground + height - (R[k, f, 2] @ corners.T).min(axis=1)
+    return R, p, free
+
+
+def blend(u: Array) -> Array:
+    """From 0 to 1 with two derivatives zero at both ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
+
+
+def blurred(x: Array, sigma: float) -> Array:
+    """Frames averaged by a normal distribution, `sigma` frames wide."""
+    from scipy.ndimage import gaussian_filter1d
+
+    return np.asarray(gaussian_filter1d(x, max(sigma, 1e-6), axis=0, mode="nearest"))
+
+
+def turned(yaw: Array) -> Array:
+    """Rotations about z, shape (n, 3, 3)."""
+    out = np.zeros((len(yaw), 3, 3))
+    out[:, 0, 0] = out[:, 1, 1] = np.cos(yaw)
+    out[:, 1, 0] = np.sin(yaw)
+    out[:, 0, 1], out[:, 2, 2] = -out[:, 1, 0], 1.0
+    return out
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Rotation vectors of rotations, shapes (..., 3) and (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()).reshape(R.shape[:-1])
+
+
+def rotations(w: Array) -> Array:
+    """Rotations of rotation vectors, shapes (n, 3, 3) and (n, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(w).as_matrix())

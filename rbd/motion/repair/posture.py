@@ -1,0 +1,268 @@
+"""Whole-body poses over a whole motion, by one banded Gauss-Newton method: feet exact, forces balanced, limits kept.
+
+    minimise   sum over frames of |rows|^2        over all q[0], ..., q[n-1] at once
+
+Rows of one frame: feet, centre of mass, nearness to the reference, limits of joints, bodies kept apart. Rows of three frames: what
+is missing on the base (`Sweep.need`), torques beyond limits, accelerations off the reference's, speeds beyond limits. The matrix of
+the normal equations has three blocks of nv below its diagonal, and is factorised as a band.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, each_times
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.frame_terms import carriers, numbers_of, wrench_scale
+from rbd.motion.repair.feet import Feet, blurred
+from rbd.motion.repair.sweep import Sweep, rates
+from rbd.motion.self_collision import BodyPairs
+
+FOOT_M, FOOT_TURN, SWINGS = 2e-5, 1e-4, 0.006
+FS=False
+blendx=lambda x: np.minimum(1.0,x*4.0)
+"""Errors of feet that cost one: of stances [m], [rad]; of feet in the air as many times less."""
+LOOSE = np.array([0.01, 0.01, 3e-4, 1e-3, 1e-3, 0.05])
+"""The same of stances that are level but may move along the floor and turn on it [m, rad]."""
+COM_LOOSE = np.array([0.03, 0.03, 0.05])
+COM_M, MISSING = np.array([2e-3, 2e-3, 0.05]), 4e-3
+"""Of the centre of mass, of loose stances and others [m]; of what is missing on the base, over the weight, and over 0.3 m times the weight."""
+BASE_M, BASE_TURN, LEG, TRUNK, LIMB = 0.3, 0.15, 0.5, 0.12, 0.25
+"""Distances from the reference that cost one: of the base [m], [rad], of joints of legs, of the trunk, of other joints [rad]."""
+ACCELERATION, TRUNK_ACCELERATION = 15.0, 4.0
+"""The same of accelerations [rad/s2]."""
+HEAVY = 0.2
+"""A joint that carries more than this share of the mass and no foot is one of the trunk."""
+LIMIT_ROOM, LIMIT_RAD, NEAR_LIMIT = 0.01, 1e-3, 0.02
+"""Joints stay this far inside their limits; error that costs one; where they are nearer than the last they are held inside [rad]."""
+TORQUE_SHARE, TORQUE_UNIT = 0.88, 0.02
+"""Share of the torque limits that is used; error that costs one, over the limit."""
+APART, APART_UNIT = 6e-3, 1.5e-3
+"""Bodies are kept this far apart; error that costs one [m]."""
+DAMPING, LONGEST = 40.0, 0.3
+"""Added to the diagonal; and the longest step of a coordinate [m, rad]: where steps are longer, they are shortened."""
+
+
+@dataclass(frozen=True, eq=False)
+class Goals:
+    """What the poses are to reach, in n frames.
+
+    Attributes:
+        R: Orientations of feet, shape (n, F, 3, 3).
+        p: Their origins, shape (n, F, 3) [m].
+        free: How free they are, 0 in stances, shape (n, F).
+        com: Centre of mass, shape (n, 3) [m].
+        wrenches: On the feet's joints, shape (n, F, 6) [N, N m]; None: nothing is known of forces.
+    """
+
+    R: Array
+    p: Array
+    free: Array
+    com: Array
+    wrenches: Array | None
+
+
+class Normal:
+    """Normal equations of rows over all frames: H = J^T J in blocks below the diagonal, g = J^T r."""
+
+    def __init__(self, n: int, nv: int) -> None:
+        self.H = [np.zeros((n - i, nv, nv)) for i in range(3)]
+        self.g = np.zeros((n, nv))
+
+    def add(self, J: Array, r: Array, frames: Array | slice = slice(None)) -> None:
+        """Rows of single frames: J (frames, m, nv), r (frames, m); each frame once."""
+        T = J.swapaxes(1, 2)
+        self.H[0][frames] += T @ J
+        self.g[frames] += each_times(T, r)
+
+    def add_three(self, J: tuple[Array, Array, Array], r: Array, at: Array) -> None:
+        """Rows of frames at - 1, at, at + 1."""
+        T = [x.swapaxes(1, 2) for x in J]
+        for i in range(3):
+            self.g[at - 1 + i] += each_times(T[i], r)
+            for j in range(i + 1):
+                self.H[i - j][at - 1 + j] += T[i] @ J[j]
+
+    def add_diagonal(self, w: tuple[Array, Array, Array], r: Array) -> None:
+        """Rows of single coordinates of frames k - 1, k, k + 1, for all inner frames: weights and r (n - 2, nv)."""
+        n, nv = self.g.shape
+        c = np.arange(nv)
+        for i in range(3):
+            self.g[i : n - 2 + i] += w[i] * r
+            for j in range(i + 1):
+                self.H[i - j][j : n - 2 + j, c, c] += w[i] * w[j]
+
+    def solution(self) -> Array:
+        """H^-1 g, shape (n, nv)."""
+        from scipy.linalg import solveh_banded
+
+        n, nv = self.g.shape
+        band = np.zeros((3 * nv, n, nv))
+        r, c = np.indices((nv, nv)).reshape(2, -1)
+        for i, block in enumerate(self.H):
+            lower = r >= c if i == 0 else np.ones_like(r, bool)
+            band[i * nv + (r - c)[lower], : n - i, c[lower]] = block[:, r[lower], c[lower]].T
+        band[0] += DAMPING
+        return np.asarray(
+            solveh_banded(band.reshape(3 * nv, n * nv), self.g.ravel(), lower=True, overwrite_ab=True, check_finite=False)
+        ).reshape(n, nv)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What poses stay near to: q and accelerations of n frames, with the weights of each coordinate.
+
+    Attributes:
+        robot: The robot.
+        dt: Time between frames [s].
+        q: Shape (n, nq).
+        a: Shape (n, nv).
+        weight: Of the distance of each coordinate, shape (nv,) [1/m, 1/rad].
+        weight_a: Of accelerations, shape (nv,).
+        low, high: Limits of coordinates in v's order; infinite where there are none, shapes (nv,).
+        index: Index in q of each coordinate of one number, -1 of others, shape (nv,).
+    """
+
+    robot: CheckedModel
+    dt: float
+    q: Array
+    a: Array
+    weight: Array
+    weight_a: Array
+    low: Array
+    high: Array
+    index: Array
+
+    @classmethod
+    def of(cls, robot: CheckedModel, q: Array, dt: float, feet: Feet) -> Reference:
+        """That of a motion with its feet."""
+        model, nv = robot.model, robot.nv
+        d = np.array([pin.difference(model, q[k], q[k + 1]) for k in range(len(q) - 1)])
+        legs = carriers(robot)[feet.joint].any(axis=0)
+        data = model.createData()
+        pin.computeSubtreeMasses(model, data)
+        mass = np.repeat(list(data.mass), model.nvs)
+        trunk = ~legs & (mass > HEAVY * robot.mass)
+        weight = 1.0 / np.select([legs, trunk], [LEG, TRUNK], LIMB)
+        weight[:6] = 1.0 / np.repeat([BASE_M, BASE_TURN], 3)
+        low, high, index = np.full(nv, -np.inf), np.full(nv, np.inf), np.full(nv, -1)
+        i, k = numbers_of(robot)
+        low[k], high[k], index[k] = model.lowerPositionLimit[i] + LIMIT_ROOM, model.upperPositionLimit[i] - LIMIT_ROOM, i
+        a = blurred(rates(d, dt)[1], 0.02 / dt)
+        return cls(robot, dt, q, a, weight, 1.0 / np.where(trunk, TRUNK_ACCELERATION, ACCELERATION), low, high, index)
+
+    def clipped(self, q: Array) -> Array:
+        """Configurations with joints inside their limits."""
+        out, k = q.copy(), np.flatnonzero(self.index >= 0)
+        out[:, self.index[k]] = np.clip(q[:, self.index[k]], self.low[k], self.high[k])
+        return out
+
+
+def posed(
+    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int, stiff: float = 1.0
+) -> tuple[Array, Sweep, float]:
+    """(poses, their sweep before the last step, the length of that) after some steps of Gauss-Newton.
+
+    Args:
+        q: Where it begins, shape (n, nq).
+        reference: What they stay near to.
+        feet: The feet; their poses are computed anew.
+        goals: What they are to reach; without wrenches, stances may move along the floor and turn on it.
+        bodies: Pairs of bodies that are kept apart.
+        turns: How many steps.
+        stiff: Share of the weight of what is missing on the base.
+    """
+    robot, dt, loose = reference.robot, reference.dt, goals.wrenches is None
+    for _ in range(turns):
+        sweep = Sweep.of(robot, q, dt, feet.joint.tolist(), goals.wrenches)
+        normal = Normal(len(q), robot.nv)
+        _feet_rows(normal, sweep, feet.at(sweep.R, sweep.p), goals, loose, stiff)
+        w = 1.0 / (COM_LOOSE if loose else COM_M)
+        normal.add(w[:, None] * sweep.J_com, w * (goals.com - sweep.com))
+        _near_rows(normal, q, reference)
+        if not loose:
+            _force_rows(normal, sweep, stiff)
+            if bodies is not None:
+                _apart_rows(normal, sweep, bodies)
+        b = reference.weight_a
+        normal.add_diagonal((b / dt**2, -2.0 * b / dt**2, b / dt**2), b * (reference.a - sweep.a)[1:-1])
+        step = normal.solution()
+        q = _moved(robot, q, step)
+    return q, sweep, float(np.abs(step).max())
+
+
+def _feet_rows(normal: Normal, sweep: Sweep, feet: Feet, goals: Goals, loose: bool, stiff: float) -> None:
+    stand = LOOSE if loose else np.repeat([FOOT_M, FOOT_TURN], 3)
+    away = np.repeat([FOOT_M, FOOT_TURN], 3)
+    unit = np.where(goals.free[..., None] == 0.0, 1.0 / stand, SWINGS ** blendx(goals.free[..., None]) / away)
+    unit = unit*(stiff if FS else 1.)
+    unit[..., 3:] *= feet.flat[:, None]
+    error = feet.error(goals.R, goals.p)
+    moves = carriers(sweep.robot)
+    for f, joint in enumerate(feet.joint):
+        columns = np.flatnonzero(moves[joint])
+        J = sweep.J[:, :, columns]
+        linear = J[:, :3] + np.cross(J[:, 3:], feet.p[:, f, :, None], axis=1)
+        back = goals.R[:, f].swapaxes(1, 2)
+        rows = np.zeros((len(J), 6, sweep.robot.nv))
+        rows[:, :, columns] = unit[:, f, :, None] * np.concatenate([back @ linear, back @ J[:, 3:]], axis=1)
+        normal.add(rows, unit[:, f] * error[:, f])
+
+
+def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
+    """Nearness to the reference, and limits of joints; both rows of single coordinates."""
+    robot, c = reference.robot, np.arange(reference.robot.nv)
+    off = np.array([pin.difference(robot.model, x, y) for x, y in zip(q, reference.q, strict=True)])
+    normal.H[0][:, c, c] += reference.weight**2
+    normal.g += reference.weight**2 * off
+    k = np.flatnonzero(reference.index >= 0)
+    x, low, high = q[:, reference.index[k]], reference.low[k], reference.high[k]
+    near = (x < low + NEAR_LIMIT) | (x > high - NEAR_LIMIT)
+    w = np.where(near, LIMIT_RAD**-2, 0.0)
+    normal.H[0][:, k, k] += w
+    normal.g[:, k] += w * (np.clip(x, low, high) - x)
+
+
+def _force_rows(normal: Normal, sweep: Sweep, stiff: float) -> None:
+    """What is missing on the base, and torques beyond their share of the limits."""
+    robot, dt = sweep.robot, sweep.dt
+    before, now, after = (x[1:-1] for x in (sweep.M / dt**2 - sweep.by_v / (2 * dt), sweep.by_q - 2.0 * sweep.M / dt**2,
+                                            sweep.M / dt**2 + sweep.by_v / (2 * dt)))  # fmt: skip
+    need = sweep.need[1:-1]
+    at = np.arange(1, len(sweep.q) - 1)
+    w = 1.0 / (MISSING * wrench_scale(robot)) * stiff
+    normal.add_three(tuple(w[:, None] * x[:, :6] for x in (before, now, after)), -w * need[:, :6], at)
+    limit, motors = robot.effort_limit, np.asarray(robot.actuated)
+    over = np.abs(need[:, motors]) - TORQUE_SHARE * limit
+    some = np.flatnonzero((over > 0.0).any(axis=1))
+    if len(some):
+        w = np.where(over[some] > 0.0, 1.0 / (TORQUE_UNIT * limit), 0.0)
+        rows = tuple(w[:, :, None] * x[some][:, motors] for x in (before, now, after))
+        normal.add_three(rows, -w * np.sign(need[some][:, motors]) * over[some], at[some])
+
+
+def _apart_rows(normal: Normal, sweep: Sweep, bodies: BodyPairs) -> None:
+    """Pairs of bodies that are nearer than `APART`: the distance grows with n . (v_second - v_first)."""
+    moves = carriers(sweep.robot)
+    for i, j, near in bodies.near(sweep.R, sweep.p, APART):
+        k, J, n = near.frames, sweep.J[near.frames], near.normal
+        joints = [bodies.shapes[x][2].joint for x in (i, j)]
+        row = np.zeros((len(k), sweep.robot.nv))
+        for joint, point, sign in zip(joints, (near.first, near.second), (-1.0, 1.0), strict=True):
+            speed = np.einsum("ni,nij->nj", n, J[:, :3]) + np.einsum("ni,nij->nj", np.cross(point, n), J[:, 3:])
+            row += sign * np.where(moves[joint], speed, 0.0)
+        normal.add(row[:, None] / APART_UNIT, ((APART - near.gap) / APART_UNIT)[:, None], k)
+
+
+def _moved(robot: CheckedModel, q: Array, dq: Array) -> Array:
+    """The next poses; where steps are long they are shortened, smoothly over time."""
+    from scipy.ndimage import minimum_filter1d
+
+    largest = np.abs(dq).max(axis=1)
+    if largest.max() > LONGEST:
+        share = minimum_filter1d(np.minimum(1.0, LONGEST / np.maximum(largest, 1e-9)), 13)
+        dq = blurred(share, 3.0)[:, None] * dq
+    return np.array([pin.integrate(robot.model, x, y) for x, y in zip(q, dq, strict=True)])

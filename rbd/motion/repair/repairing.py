@@ -1,0 +1,232 @@
+"""The repair of a motion: stances, feet, the centroid's program and whole-body poses in turn, until they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.centroid import CentroidPlan, CentroidProgram
+from rbd.constraints.contact import Contact
+from rbd.errors import InputError
+from rbd.model.sampled_motion import interpolated_q
+from rbd.motion.contact_detection import lanes_of
+from rbd.motion.contact_timeline import ContactTimeline
+from rbd.motion.derivation import low_passed
+from rbd.motion.reference_motion import Motion
+from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing
+from rbd.motion.repair.posture import Goals, Reference, posed
+from rbd.motion.repair.sweep import Sweep
+from rbd.motion.self_collision import BodyPairs
+from rbd.robots.robot import Robot
+
+INNER = 0.88
+"""Forces act at the corners of soles made smaller by this."""
+FRICTION_SHARE = 0.86
+"""Share of the friction that is used."""
+FILTER = 6.0
+"""What is faster in the reference is not followed [Hz]."""
+SLOWEST, FASTEST = 45.0, 75.0
+"""Rates at which poses are computed [Hz]."""
+SOON = 0.25
+"""Stances that follow one another within this time must be within reach of each other, too [s]."""
+NEAREST, FARTHEST = 0.9, 1.8
+"""Least and largest distance of two feet that shifts may lead to, over that where the robot stands."""
+LEAST_FRAMES = 8
+"""A motion of fewer has no course to repair."""
+STIFFNESS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0)
+"""How stiffly poses follow the plan's forces, from pass to pass: stiff from the start, arms swing wildly."""
+TURNS, LAST_TURNS = 3, 6
+"""Steps of Gauss-Newton a pass, and in the last."""
+SETTLED = 4e-3
+"""Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A motion under repair, at n equal times.
+
+    Attributes:
+        reference: What the poses stay near to.
+        feet: Feet of the reference.
+        on: Which stand, shape (n, F).
+        stances: Their stances.
+        ground: Height of the floor [m].
+        friction: Coefficient that is used.
+        bodies: Pairs of bodies that are kept apart.
+        stride: Distances of the feet from each other where the robot stands, shape (F, F) [m].
+    """
+
+    reference: Reference
+    feet: Feet
+    on: Array
+    stances: tuple[Stance, ...]
+    ground: float
+    friction: float
+    bodies: BodyPairs | None
+    stride: Array
+
+    def paths(self, shifts: Array | None = None) -> tuple[Array, Array, Array]:
+        """(R, p, free) of the feet, where stances are shifted along the floor."""
+        moved = [s if shifts is None else replace(s, place=s.place + [*shifts[i], 0.0]) for i, s in enumerate(self.stances)]
+        return paths(moved, self.feet, self.ground)
+
+    def places(self, R: Array, p: Array) -> Array:
+        """Where forces act, for feet placed so, shape (n, k, 3) [m]: corners of soles made smaller."""
+        out = []
+        for f, corners in enumerate(self.feet.corners):
+            middle = corners.mean(axis=0)
+            out.append((middle + INNER * (corners - middle)) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
+        return np.concatenate(out, axis=1)
+
+    @cached_property
+    def group(self) -> Array:
+        """Which foot each of these points belongs to, shape (k,)."""
+        return np.repeat(np.arange(len(self.feet.corners)), [len(c) for c in self.feet.corners])
+
+    def program(self, com: Array, moment: Array) -> CentroidProgram:
+        """The centroid's program about a reference of the centre of mass and of the rate of angular momentum."""
+        stance = np.full(self.on.shape, -1)
+        for i, s in enumerate(self.stances):
+            stance[s.frames, s.foot] = i
+        robot, group = self.reference.robot, self.group
+        return CentroidProgram(
+            self.reference.dt, robot.mass, robot.gravity, self.places(*self.paths()[:2]), self.on[:, group], self.friction, com,
+            moment, stance[:, group], self.bounds(),
+        )  # fmt: skip
+
+    def bounds(self) -> tuple[Array, Array]:
+        """(G, h), G d >= h: by shifts d feet that stand at once, or one after the other, come no nearer and go no farther apart."""
+        rows, least, soon = list[Array](), list[float](), round(SOON / self.feet.dt)
+        for (i, one), (j, other) in combinations(enumerate(self.stances), 2):
+            if one.foot == other.foot or max(one.first, other.first) > min(one.last, other.last) + soon:
+                continue
+            way = one.place[:2] - other.place[:2]
+            far = float(np.linalg.norm(way))
+            if far < 1e-6:
+                continue
+            row = np.zeros((len(self.stances), 2))
+            row[i], row[j] = way / far, -way / far
+            near = NEAREST * self.stride[one.foot, other.foot]
+            rows += [row.ravel(), -row.ravel()]
+            least += [min(near - far, 0.0), -max(FARTHEST * self.stride[one.foot, other.foot] - far, 0.0)]
+        return np.array(rows).reshape(-1, 2 * len(self.stances)), np.array(least)
+
+    def wrenches(self, plan: CentroidPlan, R: Array, p: Array) -> Array:
+        """Forces of a plan on the feet's joints, in their axes, about their origins, shape (n, F, 6)."""
+        places = self.places(R, p)
+        R_J = R @ self.feet.R_J.swapaxes(1, 2)
+        p_J = p - np.matmul(R_J, self.feet.p_J[:, :, None])[..., 0]
+        world = np.zeros((*self.on.shape, 2, 3))
+        for f in range(self.on.shape[1]):
+            own = self.group == f
+            force = plan.forces[:, own]
+            world[:, f, 0] = force.sum(axis=1)
+            world[:, f, 1] = np.cross(places[:, own] - p_J[:, f, None], force).sum(axis=1)
+        return (world @ R_J).reshape(*self.on.shape, 6)
+
+    def solved(self, done: Callable[[float], None]) -> tuple[Sweep, Feet, CentroidPlan]:
+        """(poses that move as their contacts allow, where feet should be, the plan of the centroid)."""
+        course, reference, feet, q = self, self.reference, self.feet, self.reference.q
+        robot, dt = reference.robot, reference.dt
+        sweep = Sweep.of(robot, q, dt)
+        com, moment = sweep.com, blurred(sweep.moment, 0.03 / dt)
+        level = q
+        for turns in (4, 2):  # where would the feet stand, were they level, but free to move along the floor?
+            R, p, free = course.paths()
+            level, sweep, _ = posed(level, reference, feet, Goals(R, p, free, com, None), self.bodies, turns)
+            now = feet.at(sweep.R, sweep.p)
+            course = replace(course, stances=tuple(s.moved_to(now) for s in course.stances))
+        plan, stiff, last = None, 0.0, np.inf
+        for i, least in enumerate(STIFFNESS):
+            if stiff == 1.0 and last < SETTLED:
+                break
+            stiff = 1.0 if last < SETTLED else least
+            for _ in range(2 if i < 2 else 1):
+                plan = course.program(com, moment).solve(plan)
+            R, p, free = course.paths(plan.shifts)
+            goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p))
+            q, _, last = posed(level if i == 0 else q, reference, feet, goals, self.bodies, LAST_TURNS if i + 1 == len(STIFFNESS) else TURNS, stiff)
+            sweep = Sweep.of(robot, q, dt)
+            com, moment = np.column_stack([com[:, :2], sweep.com[:, 2]]), sweep.moment
+            done((i + 1.0) / len(STIFFNESS))
+        return sweep, replace(feet, R=R, p=p), plan
+
+
+def repaired(
+    motion: Motion, lanes: ContactTimeline, friction: float, self_collision: bool, level: float, slower: float,
+    done: Callable[[float], None],
+) -> Motion:  # fmt: skip
+    """The repaired motion, with its contacts; see `MotionReport.repaired`.
+
+    Args:
+        motion: The reference.
+        lanes: Its contacts, as meant.
+        friction: Coulomb's coefficient.
+        self_collision: Whether bodies are kept apart.
+        level: Height of the floor on which it is put [m].
+        slower: How many times as long it takes.
+        done: Called with the share that is done.
+    """
+    robot = motion.robot
+    contacts = [c for c in lanes.contacts if isinstance(c, Contact)]
+    if not contacts or motion.n < LEAST_FRAMES:
+        raise InputError(
+            f"{motion.source} has {motion.n} frames and {len(contacts)} feet; expected {LEAST_FRAMES} frames or more of a robot "
+            "with feet: rbd.load_robot(file, feet=[...])."
+        )
+    t, frames = _times(motion)
+    q = interpolated_q(robot, motion.t, motion.q, motion.v, t)
+    q[:, 2] += level - lanes.ground
+    dt = float(t[1] - t[0])
+    q = low_passed(robot, q, FILTER * dt)
+    feet = Feet.of(robot, contacts, q, dt)
+    meant = np.stack([np.asarray(lanes.of_contact(c.name)) for c in contacts], axis=1)
+    on = standing(meant[frames], feet, level)
+    feet = replace(feet, dt=slower * dt)
+    reference = Reference.of(robot, q, slower * dt, feet)
+    rest = Feet.of(robot, contacts, robot.standing().q[None], dt).p[0] if isinstance(robot, Robot) else feet.p[0]
+    stride = np.linalg.norm(rest[:, None] - rest, axis=2)
+    course = Course(
+        reference, feet, on, tuple(stances_of(on, feet)), level, FRICTION_SHARE * friction,
+        BodyPairs.of(robot) if self_collision else None, stride,
+    )  # fmt: skip
+    sweep, goal, plan = course.solved(done)
+    return _made(motion, lanes, course, sweep, t[0] + slower * (t - t[0]), slower)
+
+
+def _times(motion: Motion) -> tuple[Array, Array]:
+    """(equal times, at most `FASTEST` a second, the nearest frame of the motion at each)."""
+    steps = motion.n - 1
+    rate = motion.rate
+    if rate > FASTEST:
+        steps = max(int(np.ceil(steps / np.ceil(rate / FASTEST))), LEAST_FRAMES)
+    elif rate < SLOWEST:
+        steps *= int(np.ceil(SLOWEST / rate))
+    t = np.linspace(motion.t[0], motion.t[-1], steps + 1)
+    at = np.searchsorted(motion.t, t).clip(1, motion.n - 1)
+    return t, at - (t - motion.t[at - 1] < motion.t[at] - t)
+
+
+def _made(motion: Motion, lanes: ContactTimeline, course: Course, sweep: Sweep, t: Array, slower: float) -> Motion:
+    """The motion of a sweep at the times of the reference."""
+    robot, wanted = motion.robot, motion.t[0] + slower * (motion.t - motion.t[0])
+    found = Motion.of_arrays(
+        robot, t, sweep.q, sweep.v, sweep.a, source=f"repaired {motion.source}", ground=course.ground, quaternion="xyzw", trust=True,
+    )  # fmt: skip
+    on = course.on
+    if len(t) != len(wanted) or np.abs(t - wanted).max() > 1e-9:
+        at = np.abs(t - wanted[:, None]).argmin(axis=1) if len(t) * len(wanted) < 1e8 else np.searchsorted(t, wanted).clip(0, len(t) - 1)
+        a = np.stack([np.interp(wanted, t, x) for x in sweep.a.T], axis=1)
+        v = np.stack([np.interp(wanted, t, x) for x in sweep.v.T], axis=1)
+        q = interpolated_q(robot, t, sweep.q, sweep.v, wanted)
+        found = replace(found, t=wanted, q=q, v=v, a=a)
+        on = on[at]
+    names = [c.name for c in course.feet.contacts]
+    owner = np.array([names.index(c.name) if c.name in names else -1 for c in lanes.contacts])[lanes.points.group]
+    touches = np.where(owner >= 0, on[:, owner], False)
+    return found.with_contacts(lanes_of(found, lanes.points, touches, course.ground))
