@@ -55,8 +55,8 @@ class CentroidPlan:
         forces: At the points, shape (n, k, 3) [N]; zero where they do not touch.
         shifts: Of the stances along the floor, shape (stances, 2) [m].
         status: What the solver said.
-        residual: Largest error of the balance of forces and of moments about the plan's own centre of mass, over the weight, and
-            over the weight times 0.3 m: what the linearised moment leaves.
+        residual: Largest error of the balance of forces and of moments about the plan's own centre of mass, over the weight,
+            and over the weight times 0.3 m: what the linearised moment leaves.
     """
 
     com: Array
@@ -81,8 +81,7 @@ class CentroidProgram:
         com: Reference of the centre of mass, shape (n, 3) [m].
         moment: Reference of the rate of angular momentum, shape (n, 3) [N m].
         stance: Which stance moves each point, shape (n, k); -1: none. Stances shift along the floor as wholes.
-        bounds: (G, h): shifts d of all stances, one after the other, keep G d >= h, shapes (m, 2 stances) and (m,); feet apart, within
-            reach.
+        bounds: (G, h): shifts d of all stances, one after the other, keep G d >= h, shapes (m, 2 stances) and (m,)
         costs: See `CentroidCosts`.
     """
 
@@ -145,10 +144,9 @@ class CentroidProgram:
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100
         settings.tol_gap_abs = settings.tol_gap_rel = 1e-5
         settings.tol_feas = 1e-7
-        found = clarabel.DefaultSolver(
-            csc_matrix(triu(R.T @ R)), -(R.T @ t), M, np.concatenate([b, -h, np.zeros(3 * E)]),
-            [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E], settings,
-        ).solve()  # fmt: skip
+        cones = [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E]
+        side = np.concatenate([b, -h, np.zeros(3 * E)])
+        found = clarabel.DefaultSolver(csc_matrix(triu(R.T @ R)), -(R.T @ t), M, side, cones, settings).solve()
         x, status = np.asarray(found.x), str(found.status)
         if status.removeprefix("Almost") != "Solved" or not np.isfinite(x).all():
             raise NoSolution(f"the centroid's program of {n} times and {E} forces ended with {status!r}.")
@@ -269,4 +267,3 @@ def _crosses(p: Array) -> Array:
     out = np.zeros((len(p), 3, 3))
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
     return out - out.swapaxes(1, 2)
-

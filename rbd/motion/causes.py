@@ -130,10 +130,17 @@ def beyond_position(motion: Motion) -> Array:
     return out
 
 
+def speed_limits(robot: CheckedModel) -> Array:
+    """Limits of the velocities, shape (nv,) [m/s, rad/s]; infinite where the file has none, and of the base."""
+    limit = np.array(robot.model.velocityLimit)
+    limit[(limit <= 0.0) | (limit > 1e100)] = np.inf
+    limit[:6] = np.inf
+    return limit
+
+
 def beyond_speed(motion: Motion) -> Array:
     """By how much each velocity is beyond its joint's limit, noise aside, shape (n, nv) [m/s, rad/s]."""
-    limit = np.array(motion.robot.model.velocityLimit)
-    limit = np.where((limit <= 0.0) | (limit > 1e100), np.inf, limit)
+    limit = speed_limits(motion.robot)
     noise = 0.0 if motion.derivation is None else NOISE * motion.derivation.noise_v
     out = np.maximum(np.abs(motion.v) - limit - noise - _ROUND, 0.0)
     out[:, :6] = 0.0

@@ -13,11 +13,9 @@ from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
-from rbd.control.whole_body_step import TaskActuation
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, UnknownName, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
 from rbd.model.urdf import grouped
 from rbd.robots.robot import Robot
 

@@ -6,13 +6,14 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag, check_number, largest_first, lazy
+from rbd.arrays import Array, as_array, check_flag, check_number, largest_first, lazy
 from rbd.displayed import Displayed, drawing
-from rbd.errors import InputError, Reason
+from rbd.errors import Reason
 from rbd.errors.inputs import check_choice
 from rbd.installation import VERSION
 from rbd.model.joints import FORCE_OF
@@ -24,6 +25,7 @@ from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.feet_faults import ANGLE, EXCESS, MISSING, SPEED, FeetFaults, grade
 from rbd.motion.reference_motion import Motion
+from rbd.motion.repair.notes import notes_of
 from rbd.motion.repair.repairing import repaired
 from rbd.motion.self_collision import SelfCollisions
 from rbd.records import Field
@@ -325,12 +327,50 @@ class MotionReport(Displayed):
         """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
         return self.checked_again(self.motion.filtered(cutoff))
 
-    def repaired(self, *, slower: float = 1.0, progress: bool = True) -> Motion:
-        """The motion repaired."""
-        m = self.motion
-        level = m.ground if self.settings.ground in (None, "fit") else self.lanes.ground
+    def repaired(self, *, slower: float = 1.0, keep: Sequence[str] = (), progress: bool = True) -> Motion:
+        """The motion repaired over its whole length: near this one, and possible wherever it can be.
+
+        1. Contacts: stances of each foot from the report's lanes (`check_motion(contacts=)` takes edited ones), without those
+           and steps that are too short to make; feet that change share the load for 0.1 s; a foot that drifts or turns while
+           it stands makes one more step where there is time.
+        2. Feet: level on the floor and fixed in stances, smooth and above it between.
+        3. Centroid: the trajectory of the centre of mass and of angular momentum nearest to the reference for which forces in
+           friction cones at the stances exist at all times; stances may shift (`rbd.centroid`).
+        4. Posture: poses over the whole motion near the reference, with feet on their paths, these forces, torques and joints
+           within limits, bodies apart; the angular momentum that they have goes back into 3, until both agree.
+        5. The result is judged by the same check; its notes say what is not possible, by interval and cause.
+
+        A motion that is possible at each frame comes back as it is. The reference is followed up to 6 Hz, its accelerations by
+        differences of frames at 45 to 75 Hz; 0.86 of the friction, 0.88 of the soles and of the torques are used.
+
+        Args:
+            slower: How many times as long it takes; contacts are those of the given pace.
+            keep: Names of frames whose poses stay where they are, as those of hands.
+            progress: Show a bar on a terminal.
+
+        Returns:
+            A motion of the same robot and frames, with its contacts and accelerations. See `rbd.motion.MotionDifference` for
+            how far it is from this one.
+
+        Raises:
+            InputError: no feet, a motion of fewer than eight frames, a pace or a frame that is none.
+            NoSolution: the centroid's program has no answer.
+        """
+        m, settings = self.motion, self.settings
+        pace = check_number("slower", slower, 1.0, 100.0, expected="a factor of 1 or more")
+        check_flag("progress", progress)
+        frames = [m.robot.frame(name).name for name in keep]
+        if pace == 1.0 and self.possible.all():
+            return replace(m, notes=(*m.notes, "each frame is possible: nothing was repaired."), contacts=self.lanes)
+        level = m.ground if settings.ground in (None, "fit") else self.lanes.ground
+        torques = partial(torque_bounds, m.robot, torque_limits=settings.torque_limits, torque_speed=settings.torque_speed)
         with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"repairing {m.source}") as done:
-            return repaired(m, self.lanes, self.friction, self.settings.self_collision, level, slower, done)
+            new, found = repaired(
+                m, self.lanes, self.friction, torques, level, self_collision=settings.self_collision, slower=pace, keep=frames,
+                done=done,
+            )  # fmt: skip
+        again = self.check(new, progress=False)
+        return replace(new, notes=notes_of(found, new, m, self.share_possible, again.possible, again.why))
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""
@@ -479,6 +519,21 @@ class MotionReport(Displayed):
         floor = f"floor {'given' if given else 'fitted'} at z = {self.lanes.ground:.4g} m"
         lines.append(f"  friction {s.friction:g}, {floor}, threshold {100 * s.threshold:g} % of the weight")
         return "\n".join(lines + [f"  note: {note}" for note in (*m.notes, *self.lanes.notes)])
+
+    def why(self, first: int, end: int) -> list[str]:
+        """The causes of frames from `first` up to `end`, in words: with motors and bodies."""
+        out = []
+        for cause in (c for c in CAUSES if self.of_cause(c)[first:end].any()):
+            named = ""
+            if cause in ("motor", "torque-speed"):
+                over = self.excess if cause == "motor" else self.used_torque - 1.0
+                j = int(over[first:end].max(axis=0).argmax())
+                named = f" {self.motion.robot.actuated_names[j]}"
+            if cause == "self-collision" and self.collisions is not None:
+                pairs = [" and ".join(pair) for pair, at in self.collisions.pairs.items() if ((at >= first) & (at < end)).any()]
+                named = f" of {', '.join(pairs)}"
+            out.append(f"{cause}{named}")
+        return out
 
     def _worst(self, cause: str) -> str:
         """The worst frames of a cause, and how bad the first of them is."""

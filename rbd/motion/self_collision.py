@@ -18,6 +18,8 @@ from rbd.model.checked_model import CheckedModel
 from rbd.motion.contact_timeline import convex_shapes
 from rbd.motion.frame_terms import placements
 
+FAR_M = 0.01
+"""How far shapes are apart at rest is not measured beyond this [m]."""
 DEEP_M = 2e-3
 """Shapes that overlap by less do not count as in collision [m]."""
 
@@ -74,6 +76,10 @@ class NearBodies(NamedTuple):
     first: Array
     second: Array
 
+    def some(self, which: Array) -> NearBodies:
+        """Those of some of the frames."""
+        return NearBodies(*(x[which] for x in self))
+
 
 @dataclass(frozen=True, eq=False)
 class BodyPairs:
@@ -82,14 +88,16 @@ class BodyPairs:
     Attributes:
         shapes: (number, link, shape) of each, as `convex_shapes`.
         pairs: Indices of shapes.
-        left_out: Names of pairs that overlap in the robot's own postures, filled as they come near.
+        rest: Poses of joints in the robot's own postures, as `placements`.
+        left_out: Names of pairs that overlap there, filled as they come near.
+        resting: How far pairs are apart there, at most `FAR_M` [m], filled as they come near.
     """
 
     shapes: list[tuple[int, str, ConvexShape]]
     pairs: list[tuple[int, int]]
     rest: tuple[Array, Array]
     left_out: list[tuple[str, str]] = field(default_factory=list)
-    known: dict[tuple[int, int], bool] = field(default_factory=dict)
+    resting: dict[tuple[int, int], float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, robot: CheckedModel) -> BodyPairs:
@@ -104,20 +112,21 @@ class BodyPairs:
         for i, j in self.pairs:
             (*_, one), (*_, other) = self.shapes[i], self.shapes[j]
             close = np.linalg.norm(centres[i] - centres[j], axis=1) < one.reach + other.reach + max(within, 0.0)
-            if not close.any() or self._rests_inside(i, j):
+            if not close.any() or self.at_rest(i, j) < -DEEP_M:
                 continue
             found = _near(one, other, R, p, np.flatnonzero(close), within)
             if len(found.frames):
                 yield i, j, found
 
-    def _rests_inside(self, i: int, j: int) -> bool:
-        if (i, j) not in self.known:
+    def at_rest(self, i: int, j: int) -> float:
+        """How far two shapes are apart in the robot's own postures, at most `FAR_M` [m]."""
+        if (i, j) not in self.resting:
             one, other = self.shapes[i][2], self.shapes[j][2]
-            resting = _near(one, other, *self.rest, np.arange(len(self.rest[0])), -DEEP_M)
-            self.known[i, j] = bool(len(resting.frames))
-            if self.known[i, j]:
+            gap = _near(one, other, *self.rest, np.arange(len(self.rest[0])), FAR_M).gap
+            self.resting[i, j] = float(gap.min(initial=FAR_M))
+            if self.resting[i, j] < -DEEP_M:
                 self.left_out.append((one.name, other.name))
-        return self.known[i, j]
+        return self.resting[i, j]
 
 
 def _near(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Array, within: float) -> NearBodies:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
@@ -31,10 +32,9 @@ SMOOTH = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """The feet of a robot over n frames: F contacts fixed to bodies.
+    """The feet of a robot over n frames: F frames fixed to bodies, with corners.
 
     Attributes:
-        contacts: The contacts.
         joint: Which joint carries each, shape (F,).
         R_J: Orientation of each foot in its joint's axes, shape (F, 3, 3).
         p_J: Its origin, shape (F, 3) [m].
@@ -45,7 +45,6 @@ class Feet:
         dt: Time between frames [s].
     """
 
-    contacts: tuple[Contact, ...]
     joint: Array
     R_J: Array
     p_J: Array
@@ -56,16 +55,18 @@ class Feet:
     dt: float
 
     @classmethod
-    def of(cls, robot: CheckedModel, contacts: Iterable[Contact], q: Array, dt: float) -> Feet:
-        """Those of configurations, shape (n, nq)."""
-        feet = tuple(contacts)
-        sites = [robot.site(foot.frame) for foot in feet]
-        X = [at * foot.placement for (_, at), foot in zip(sites, feet, strict=True)]
-        none = np.zeros((0, len(feet), 3))
+    def of(cls, robot: CheckedModel, frames: Sequence[Contact | str], q: Array, dt: float) -> Feet:
+        """Those of configurations, shape (n, nq); also of frames, which count as surfaces."""
+        sites, corners = list[tuple[int, pin.SE3]](), list[Array]()
+        for frame in frames:
+            joint, X = robot.site(frame if isinstance(frame, str) else frame.frame)
+            sites.append((joint, X if isinstance(frame, str) else X * frame.placement))
+            corners.append(np.zeros((1, 3)) if isinstance(frame, str) else frame.corners)
+        flat = [isinstance(frame, str) or len(frame.corners) > 2 for frame in frames]
+        none = np.zeros((0, len(sites), 3))
         found = cls(
-            feet, np.array([joint for joint, _ in sites]), np.array([x.rotation for x in X]),
-            np.array([x.translation for x in X]), tuple(foot.corners for foot in feet),
-            np.array([len(foot.corners) > 2 for foot in feet]), none, none, dt,
+            np.array([joint for joint, _ in sites], int), np.array([X.rotation for _, X in sites]).reshape(-1, 3, 3),
+            np.array([X.translation for _, X in sites]).reshape(-1, 3), tuple(corners), np.array(flat, bool), none, none, dt,
         )  # fmt: skip
         return found.at(*placements(robot, q))
 

@@ -2,13 +2,14 @@
 
     minimise   sum over frames of |rows|^2        over all q[0], ..., q[n-1] at once
 
-Rows of one frame: feet, centre of mass, nearness to the reference, limits of joints, bodies kept apart. Rows of three frames: what
-is missing on the base (`Sweep.need`), torques beyond limits, accelerations off the reference's, speeds beyond limits. The matrix of
-the normal equations has three blocks of nv below its diagonal, and is factorised as a band.
+Rows of one frame: feet, centre of mass, nearness to the reference, limits of joints, bodies kept apart. Rows of three frames:
+what is missing on the base (`Sweep.need`), torques beyond limits, accelerations off the reference's, speeds beyond limits. The
+matrix of the normal equations has three blocks of nv below its diagonal, and is factorised as a band.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,33 +17,39 @@ import pinocchio as pin
 
 from rbd.arrays import Array, each_times
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.frame_terms import carriers, numbers_of, wrench_scale
+from rbd.motion.causes import speed_limits
+from rbd.motion.frame_terms import carriers, numbers_of, placements, wrench_scale
 from rbd.motion.repair.feet import Feet, blurred
 from rbd.motion.repair.sweep import Sweep, rates
 from rbd.motion.self_collision import BodyPairs
 
-FOOT_M, FOOT_TURN, SWINGS = 2e-5, 1e-4, 0.006
-FS=False
-blendx=lambda x: np.minimum(1.0,x*4.0)
-"""Errors of feet that cost one: of stances [m], [rad]; of feet in the air as many times less."""
+FOOT = np.array([2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4])
+"""Errors of a foot that stands that cost one: of its place and its rotation, in its own axes [m, rad]."""
 LOOSE = np.array([0.01, 0.01, 3e-4, 1e-3, 1e-3, 0.05])
-"""The same of stances that are level but may move along the floor and turn on it [m, rad]."""
-COM_LOOSE = np.array([0.03, 0.03, 0.05])
-COM_M, MISSING = np.array([2e-3, 2e-3, 0.05]), 4e-3
-"""Of the centre of mass, of loose stances and others [m]; of what is missing on the base, over the weight, and over 0.3 m times the weight."""
+"""The same of stances that are level but may move along the floor and turn on it."""
+KEPT = np.array([5e-3, 5e-3, 5e-3, 0.03, 0.03, 0.03])
+"""The same of frames that are kept."""
+SWINGS, SOON_FREE = 0.006, 0.25
+"""In the air it costs as many times less, from where a foot is this free on."""
+COM_M, COM_LOOSE = np.array([2e-3, 2e-3, 0.05]), np.array([0.03, 0.03, 0.05])
+"""Of the centre of mass [m]; where stances are loose."""
+MISSING = 4e-3
+"""Of what is missing on the base, over the weight, and over 0.3 m times the weight."""
 BASE_M, BASE_TURN, LEG, TRUNK, LIMB = 0.3, 0.15, 0.5, 0.12, 0.25
-"""Distances from the reference that cost one: of the base [m], [rad], of joints of legs, of the trunk, of other joints [rad]."""
+"""Distances from the reference that cost one: of the base [m], [rad], of joints of legs, of the trunk and others [rad]."""
 ACCELERATION, TRUNK_ACCELERATION = 15.0, 4.0
 """The same of accelerations [rad/s2]."""
 HEAVY = 0.2
 """A joint that carries more than this share of the mass and no foot is one of the trunk."""
 LIMIT_ROOM, LIMIT_RAD, NEAR_LIMIT = 0.01, 1e-3, 0.02
-"""Joints stay this far inside their limits; error that costs one; where they are nearer than the last they are held inside [rad]."""
+"""Joints stay this far inside their limits; error that costs one; where they are held, from how far inside these [rad]."""
 TORQUE_SHARE, TORQUE_UNIT = 0.88, 0.02
 """Share of the torque limits that is used; error that costs one, over the limit."""
 APART, APART_UNIT = 6e-3, 1.5e-3
 """Bodies are kept this far apart; error that costs one [m]."""
-DAMPING, LONGEST = 40.0, 0.3
+SPEED_SHARE, SPEED_UNIT = 0.96, 0.01
+"""Share of the speed limits that is used; error that costs one, over the limit."""
+DAMPING, LONGEST = 120.0, 0.3
 """Added to the diagonal; and the longest step of a coordinate [m, rad]: where steps are longer, they are shortened."""
 
 
@@ -55,7 +62,8 @@ class Goals:
         p: Their origins, shape (n, F, 3) [m].
         free: How free they are, 0 in stances, shape (n, F).
         com: Centre of mass, shape (n, 3) [m].
-        wrenches: On the feet's joints, shape (n, F, 6) [N, N m]; None: nothing is known of forces.
+        wrenches: Forces on the feet and moments about p, in W, shape (n, F, 2, 3) [N, N m]; None: none is known.
+        kept: Frames whose poses stay as they are.
     """
 
     R: Array
@@ -63,6 +71,7 @@ class Goals:
     free: Array
     com: Array
     wrenches: Array | None
+    kept: Feet | None = None
 
 
 class Normal:
@@ -78,7 +87,7 @@ class Normal:
         self.H[0][frames] += T @ J
         self.g[frames] += each_times(T, r)
 
-    def add_three(self, J: tuple[Array, Array, Array], r: Array, at: Array) -> None:
+    def add_three(self, J: Sequence[Array], r: Array, at: Array) -> None:
         """Rows of frames at - 1, at, at + 1."""
         T = [x.swapaxes(1, 2) for x in J]
         for i in range(3):
@@ -124,6 +133,8 @@ class Reference:
         weight_a: Of accelerations, shape (nv,).
         low, high: Limits of coordinates in v's order; infinite where there are none, shapes (nv,).
         index: Index in q of each coordinate of one number, -1 of others, shape (nv,).
+        speed: Limits of velocities, infinite where there are none, shape (nv,).
+        torques: (least, most) torques at velocities, shapes (n, nu).
     """
 
     robot: CheckedModel
@@ -135,9 +146,13 @@ class Reference:
     low: Array
     high: Array
     index: Array
+    speed: Array
+    torques: Callable[[Array], tuple[Array, Array]]
 
     @classmethod
-    def of(cls, robot: CheckedModel, q: Array, dt: float, feet: Feet) -> Reference:
+    def of(
+        cls, robot: CheckedModel, q: Array, dt: float, feet: Feet, torques: Callable[[Array], tuple[Array, Array]]
+    ) -> Reference:
         """That of a motion with its feet."""
         model, nv = robot.model, robot.nv
         d = np.array([pin.difference(model, q[k], q[k + 1]) for k in range(len(q) - 1)])
@@ -152,13 +167,10 @@ class Reference:
         i, k = numbers_of(robot)
         low[k], high[k], index[k] = model.lowerPositionLimit[i] + LIMIT_ROOM, model.upperPositionLimit[i] - LIMIT_ROOM, i
         a = blurred(rates(d, dt)[1], 0.02 / dt)
-        return cls(robot, dt, q, a, weight, 1.0 / np.where(trunk, TRUNK_ACCELERATION, ACCELERATION), low, high, index)
-
-    def clipped(self, q: Array) -> Array:
-        """Configurations with joints inside their limits."""
-        out, k = q.copy(), np.flatnonzero(self.index >= 0)
-        out[:, self.index[k]] = np.clip(q[:, self.index[k]], self.low[k], self.high[k])
-        return out
+        out = q.copy()
+        out[:, i] = np.clip(q[:, i], low[k], high[k])
+        weight_a = 1.0 / np.where(trunk, TRUNK_ACCELERATION, ACCELERATION)
+        return cls(robot, dt, out, a, weight, weight_a, low, high, index, speed_limits(robot), torques)
 
 
 def posed(
@@ -176,40 +188,66 @@ def posed(
         stiff: Share of the weight of what is missing on the base.
     """
     robot, dt, loose = reference.robot, reference.dt, goals.wrenches is None
+    unit = foot_units(feet, goals.free, loose)
     for _ in range(turns):
-        sweep = Sweep.of(robot, q, dt, feet.joint.tolist(), goals.wrenches)
+        sweep = _pushed(robot, q, dt, feet, goals)
         normal = Normal(len(q), robot.nv)
-        _feet_rows(normal, sweep, feet.at(sweep.R, sweep.p), goals, loose, stiff)
+        _pose_rows(normal, sweep, feet, goals.R, goals.p, unit)
+        if goals.kept is not None:
+            kept = goals.kept
+            _pose_rows(normal, sweep, kept, kept.R, kept.p, np.broadcast_to(KEPT, (*kept.p.shape[:2], 6)))
         w = 1.0 / (COM_LOOSE if loose else COM_M)
         normal.add(w[:, None] * sweep.J_com, w * (goals.com - sweep.com))
         _near_rows(normal, q, reference)
         if not loose:
-            _force_rows(normal, sweep, stiff)
-            if bodies is not None:
-                _apart_rows(normal, sweep, bodies)
+            _force_rows(normal, sweep, reference, stiff)
+        if bodies is not None:
+            _apart_rows(normal, sweep, bodies)
         b = reference.weight_a
         normal.add_diagonal((b / dt**2, -2.0 * b / dt**2, b / dt**2), b * (reference.a - sweep.a)[1:-1])
+        fast = (np.sign(sweep.v) * np.maximum(np.abs(sweep.v) - SPEED_SHARE * reference.speed, 0.0))[1:-1]
+        b = np.where(fast != 0.0, 1.0 / (SPEED_UNIT * reference.speed), 0.0)
+        normal.add_diagonal((-b / (2.0 * dt), 0.0 * b, b / (2.0 * dt)), -b * fast)
         step = normal.solution()
         q = _moved(robot, q, step)
     return q, sweep, float(np.abs(step).max())
 
 
-def _feet_rows(normal: Normal, sweep: Sweep, feet: Feet, goals: Goals, loose: bool, stiff: float) -> None:
-    stand = LOOSE if loose else np.repeat([FOOT_M, FOOT_TURN], 3)
-    away = np.repeat([FOOT_M, FOOT_TURN], 3)
-    unit = np.where(goals.free[..., None] == 0.0, 1.0 / stand, SWINGS ** blendx(goals.free[..., None]) / away)
-    unit = unit*(stiff if FS else 1.)
-    unit[..., 3:] *= feet.flat[:, None]
-    error = feet.error(goals.R, goals.p)
-    moves = carriers(sweep.robot)
+def _pushed(robot: CheckedModel, q: Array, dt: float, feet: Feet, goals: Goals) -> Sweep:
+    """The sweep of poses whose feet are pushed as the goals say: by forces that stay as they are while the poses change."""
+    if goals.wrenches is None:
+        return Sweep.of(robot, q, dt)
+    R, p = placements(robot, q)
+    turn, force, moment = R[:, feet.joint], goals.wrenches[:, :, 0], goals.wrenches[:, :, 1]
+    moment = moment + np.cross(goals.p - p[:, feet.joint], force)  # about the joints' origins
+    local = np.concatenate([np.matmul(x[..., None, :], turn)[..., 0, :] for x in (force, moment)], axis=2)
+    sweep, moves = Sweep.of(robot, q, dt, feet.joint.tolist(), local), carriers(robot)
+    for f in np.flatnonzero(~feet.flat):  # in its derivatives the forces turn with the bodies
+        columns = np.flatnonzero(moves[feet.joint[f]])
+        J = sweep.J[:, :, columns]
+        linear = J[:, :3] + np.cross(J[:, 3:], goals.p[:, f, :, None], axis=1)
+        sweep.by_q[:, columns[:, None], columns] += linear.swapaxes(1, 2) @ np.cross(J[:, 3:], force[:, f, :, None], axis=1)
+    return sweep
+
+
+def _pose_rows(normal: Normal, sweep: Sweep, feet: Feet, R: Array, p: Array, unit: Array) -> None:
+    """Errors of the poses of frames over a unit, shape (n, F, 6): of places and rotations, in the axes of the goals R, p."""
+    now = feet.at(sweep.R, sweep.p)
+    error, moves = now.error(R, p) / unit, carriers(sweep.robot)
     for f, joint in enumerate(feet.joint):
         columns = np.flatnonzero(moves[joint])
-        J = sweep.J[:, :, columns]
-        linear = J[:, :3] + np.cross(J[:, 3:], feet.p[:, f, :, None], axis=1)
-        back = goals.R[:, f].swapaxes(1, 2)
+        J, back = sweep.J[:, :, columns], R[:, f].swapaxes(1, 2)
+        linear = J[:, :3] + np.cross(J[:, 3:], now.p[:, f, :, None], axis=1)
         rows = np.zeros((len(J), 6, sweep.robot.nv))
-        rows[:, :, columns] = unit[:, f, :, None] * np.concatenate([back @ linear, back @ J[:, 3:]], axis=1)
-        normal.add(rows, unit[:, f] * error[:, f])
+        rows[:, :, columns] = np.concatenate([back @ linear, back @ J[:, 3:]], axis=1) / unit[:, f, :, None]
+        normal.add(rows, error[:, f])
+
+
+def foot_units(feet: Feet, free: Array, loose: bool) -> Array:
+    """Errors of feet that cost one, shape (n, F, 6), by how free they are, shape (n, F)."""
+    air = FOOT / SWINGS ** np.minimum(free / SOON_FREE, 1.0)[..., None]
+    unit = np.where(free[..., None] == 0.0, LOOSE if loose else FOOT, air)
+    return np.where(feet.flat[:, None] | (np.arange(6) < 3), unit, np.inf)
 
 
 def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
@@ -226,35 +264,35 @@ def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
     normal.g[:, k] += w * (np.clip(x, low, high) - x)
 
 
-def _force_rows(normal: Normal, sweep: Sweep, stiff: float) -> None:
-    """What is missing on the base, and torques beyond their share of the limits."""
+def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float) -> None:
+    """What is missing on the base, and torques beyond their share of the limits; both by three frames."""
     robot, dt = sweep.robot, sweep.dt
-    before, now, after = (x[1:-1] for x in (sweep.M / dt**2 - sweep.by_v / (2 * dt), sweep.by_q - 2.0 * sweep.M / dt**2,
-                                            sweep.M / dt**2 + sweep.by_v / (2 * dt)))  # fmt: skip
+    at, inertia, damping = np.arange(1, len(sweep.q) - 1), sweep.M[1:-1] / dt**2, sweep.by_v[1:-1] / (2.0 * dt)
+    by = inertia - damping, sweep.by_q[1:-1] - 2.0 * inertia, inertia + damping
     need = sweep.need[1:-1]
-    at = np.arange(1, len(sweep.q) - 1)
-    w = 1.0 / (MISSING * wrench_scale(robot)) * stiff
-    normal.add_three(tuple(w[:, None] * x[:, :6] for x in (before, now, after)), -w * need[:, :6], at)
-    limit, motors = robot.effort_limit, np.asarray(robot.actuated)
-    over = np.abs(need[:, motors]) - TORQUE_SHARE * limit
-    some = np.flatnonzero((over > 0.0).any(axis=1))
-    if len(some):
-        w = np.where(over[some] > 0.0, 1.0 / (TORQUE_UNIT * limit), 0.0)
-        rows = tuple(w[:, :, None] * x[some][:, motors] for x in (before, now, after))
-        normal.add_three(rows, -w * np.sign(need[some][:, motors]) * over[some], at[some])
+    w = stiff / (MISSING * wrench_scale(robot))
+    normal.add_three([w[:, None] * x[:, :6] for x in by], -w * need[:, :6], at)
+    least, most = (TORQUE_SHARE * x[1:-1] for x in reference.torques(sweep.v))
+    tau = need[:, robot.actuated]
+    over = np.maximum(tau - most, 0.0) + np.minimum(tau - least, 0.0)
+    some = np.flatnonzero(over.any(axis=1))
+    w = np.where(over[some] != 0.0, 1.0 / (TORQUE_UNIT * np.maximum(most, -least)[some]), 0.0)
+    normal.add_three([w[:, :, None] * x[some][:, robot.actuated] for x in by], -w * over[some], at[some])
 
 
 def _apart_rows(normal: Normal, sweep: Sweep, bodies: BodyPairs) -> None:
     """Pairs of bodies that are nearer than `APART`: the distance grows with n . (v_second - v_first)."""
     moves = carriers(sweep.robot)
     for i, j, near in bodies.near(sweep.R, sweep.p, APART):
+        apart = min(APART, max(bodies.at_rest(i, j), -APART_UNIT))  # as near as where the robot rests
+        near = near.some(near.gap < apart)
         k, J, n = near.frames, sweep.J[near.frames], near.normal
         joints = [bodies.shapes[x][2].joint for x in (i, j)]
         row = np.zeros((len(k), sweep.robot.nv))
         for joint, point, sign in zip(joints, (near.first, near.second), (-1.0, 1.0), strict=True):
             speed = np.einsum("ni,nij->nj", n, J[:, :3]) + np.einsum("ni,nij->nj", np.cross(point, n), J[:, 3:])
             row += sign * np.where(moves[joint], speed, 0.0)
-        normal.add(row[:, None] / APART_UNIT, ((APART - near.gap) / APART_UNIT)[:, None], k)
+        normal.add(row[:, None] / APART_UNIT, ((apart - near.gap) / APART_UNIT)[:, None], k)
 
 
 def _moved(robot: CheckedModel, q: Array, dq: Array) -> Array:

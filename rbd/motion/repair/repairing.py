@@ -13,7 +13,7 @@ from rbd.arrays import Array
 from rbd.centroid import CentroidPlan, CentroidProgram
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
-from rbd.model.sampled_motion import interpolated_q
+from rbd.model.sampled_motion import cubic, cubic_rate, interpolated_q
 from rbd.motion.contact_detection import lanes_of
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import low_passed
@@ -40,8 +40,8 @@ LEAST_FRAMES = 8
 """A motion of fewer has no course to repair."""
 STIFFNESS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0)
 """How stiffly poses follow the plan's forces, from pass to pass: stiff from the start, arms swing wildly."""
-TURNS, LAST_TURNS = 3, 6
-"""Steps of Gauss-Newton a pass, and in the last."""
+LEVEL_TURNS, TURNS, LAST_TURNS = (4, 2), 3, 6
+"""Steps of Gauss-Newton with loose stances; in a pass, and in the last."""
 SETTLED = 4e-3
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 
@@ -59,6 +59,7 @@ class Course:
         friction: Coefficient that is used.
         bodies: Pairs of bodies that are kept apart.
         stride: Distances of the feet from each other where the robot stands, shape (F, F) [m].
+        kept: Frames whose poses stay as they are.
     """
 
     reference: Reference
@@ -69,6 +70,7 @@ class Course:
     friction: float
     bodies: BodyPairs | None
     stride: Array
+    kept: Feet | None
 
     def paths(self, shifts: Array | None = None) -> tuple[Array, Array, Array]:
         """(R, p, free) of the feet, where stances are shifted along the floor."""
@@ -100,7 +102,7 @@ class Course:
         )  # fmt: skip
 
     def bounds(self) -> tuple[Array, Array]:
-        """(G, h), G d >= h: by shifts d feet that stand at once, or one after the other, come no nearer and go no farther apart."""
+        """(G, h), G d >= h: shifts d of feet that stand at once, or soon after, bring them no nearer and no farther apart."""
         rows, least, soon = list[Array](), list[float](), round(SOON / self.feet.dt)
         for (i, one), (j, other) in combinations(enumerate(self.stances), 2):
             if one.foot == other.foot or max(one.first, other.first) > min(one.last, other.last) + soon:
@@ -117,116 +119,150 @@ class Course:
         return np.array(rows).reshape(-1, 2 * len(self.stances)), np.array(least)
 
     def wrenches(self, plan: CentroidPlan, R: Array, p: Array) -> Array:
-        """Forces of a plan on the feet's joints, in their axes, about their origins, shape (n, F, 6)."""
-        places = self.places(R, p)
-        R_J = R @ self.feet.R_J.swapaxes(1, 2)
-        p_J = p - np.matmul(R_J, self.feet.p_J[:, :, None])[..., 0]
-        world = np.zeros((*self.on.shape, 2, 3))
+        """Forces of a plan on the feet, and moments about their origins, in W, shape (n, F, 2, 3) [N, N m]."""
+        places, out = self.places(R, p), np.zeros((*self.on.shape, 2, 3))
         for f in range(self.on.shape[1]):
             own = self.group == f
             force = plan.forces[:, own]
-            world[:, f, 0] = force.sum(axis=1)
-            world[:, f, 1] = np.cross(places[:, own] - p_J[:, f, None], force).sum(axis=1)
-        return (world @ R_J).reshape(*self.on.shape, 6)
+            out[:, f, 0] = force.sum(axis=1)
+            out[:, f, 1] = np.cross(places[:, own] - p[:, f, None], force).sum(axis=1)
+        return out
 
-    def solved(self, done: Callable[[float], None]) -> tuple[Sweep, Feet, CentroidPlan]:
-        """(poses that move as their contacts allow, where feet should be, the plan of the centroid)."""
-        course, reference, feet, q = self, self.reference, self.feet, self.reference.q
-        robot, dt = reference.robot, reference.dt
+    def solved(self, done: Callable[[float], None]) -> Repaired:
+        """Poses that move as their contacts allow."""
+        course, reference, feet, kept = self, self.reference, self.feet, self.kept
+        robot, dt, q = reference.robot, reference.dt, reference.q
         sweep = Sweep.of(robot, q, dt)
-        com, moment = sweep.com, blurred(sweep.moment, 0.03 / dt)
-        level = q
-        for turns in (4, 2):  # where would the feet stand, were they level, but free to move along the floor?
+        com = sweep.com
+        moment = blurred(sweep.moment, 0.03 / dt)
+        for turns in LEVEL_TURNS:  # where would the feet stand, were they level, but free to move along the floor?
             R, p, free = course.paths()
-            level, sweep, _ = posed(level, reference, feet, Goals(R, p, free, com, None), self.bodies, turns)
+            q, sweep, _ = posed(q, reference, feet, Goals(R, p, free, com, None, kept), self.bodies, turns)
             now = feet.at(sweep.R, sweep.p)
             course = replace(course, stances=tuple(s.moved_to(now) for s in course.stances))
-        plan, stiff, last = None, 0.0, np.inf
+        plan, stiff, last = course.program(com, moment).solve(), 0.0, np.inf
         for i, least in enumerate(STIFFNESS):
             if stiff == 1.0 and last < SETTLED:
                 break
             stiff = 1.0 if last < SETTLED else least
-            for _ in range(2 if i < 2 else 1):
+            for _ in range(2 if i == 1 else 1):
                 plan = course.program(com, moment).solve(plan)
             R, p, free = course.paths(plan.shifts)
-            goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p))
-            q, _, last = posed(level if i == 0 else q, reference, feet, goals, self.bodies, LAST_TURNS if i + 1 == len(STIFFNESS) else TURNS, stiff)
+            goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p), kept)
+            turns = LAST_TURNS if i + 1 == len(STIFFNESS) else TURNS
+            q, _, last = posed(q, reference, feet, goals, self.bodies, turns, stiff)
             sweep = Sweep.of(robot, q, dt)
-            com, moment = np.column_stack([com[:, :2], sweep.com[:, 2]]), sweep.moment
+            com = np.column_stack([com[:, :2], sweep.com[:, 2]])
+            moment = sweep.moment
             done((i + 1.0) / len(STIFFNESS))
-        return sweep, replace(feet, R=R, p=p), plan
+        places = np.array([s.place[:2] for s in self.stances]).reshape(-1, 2)
+        moved = np.array([s.place[:2] for s in course.stances]).reshape(-1, 2) + plan.shifts - places
+        return Repaired(course, sweep, feet.at(sweep.R, sweep.p).error(R, p), np.linalg.norm(moved, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """What became of a course.
+
+    Attributes:
+        course: The course, with the stances that were reached.
+        sweep: The poses.
+        foot_errors: By how far feet are off their paths, shape (n, F, 6) [m, rad].
+        moved: How far stances are from where the reference's feet stand, shape (stances,) [m].
+        contacts: The feet.
+        floor: Height of the reference's floor [m].
+        start: Time of the first pose [s].
+    """
+
+    course: Course
+    sweep: Sweep
+    foot_errors: Array
+    moved: Array
+    contacts: tuple[Contact, ...] = ()
+    floor: float = 0.0
+    start: float = 0.0
 
 
 def repaired(
-    motion: Motion, lanes: ContactTimeline, friction: float, self_collision: bool, level: float, slower: float,
+    motion: Motion,
+    lanes: ContactTimeline,
+    friction: float,
+    torques: Callable[[Array], tuple[Array, Array]],
+    level: float,
+    *,
+    self_collision: bool,
+    slower: float,
+    keep: Sequence[str],
     done: Callable[[float], None],
-) -> Motion:  # fmt: skip
-    """The repaired motion, with its contacts; see `MotionReport.repaired`.
+) -> tuple[Motion, Repaired]:
+    """The repaired motion with its contacts, and how it was found; see `MotionReport.repaired`.
 
     Args:
         motion: The reference.
         lanes: Its contacts, as meant.
         friction: Coulomb's coefficient.
-        self_collision: Whether bodies are kept apart.
+        torques: (least, most) torques at velocities.
         level: Height of the floor on which it is put [m].
+        self_collision: Whether bodies are kept apart.
         slower: How many times as long it takes.
+        keep: Frames whose poses stay as they are.
         done: Called with the share that is done.
     """
     robot = motion.robot
     contacts = [c for c in lanes.contacts if isinstance(c, Contact)]
     if not contacts or motion.n < LEAST_FRAMES:
         raise InputError(
-            f"{motion.source} has {motion.n} frames and {len(contacts)} feet; expected {LEAST_FRAMES} frames or more of a robot "
-            "with feet: rbd.load_robot(file, feet=[...])."
+            f"{motion.source} has {motion.n} frames, and {robot.name} {len(contacts)} feet; expected {LEAST_FRAMES} frames or "
+            "more of a robot with feet: rbd.load_robot(file, feet=[...])."
         )
     t, frames = _times(motion)
+    dt = float(t[1] - t[0])
     q = interpolated_q(robot, motion.t, motion.q, motion.v, t)
     q[:, 2] += level - lanes.ground
-    dt = float(t[1] - t[0])
     q = low_passed(robot, q, FILTER * dt)
     feet = Feet.of(robot, contacts, q, dt)
     meant = np.stack([np.asarray(lanes.of_contact(c.name)) for c in contacts], axis=1)
     on = standing(meant[frames], feet, level)
     feet = replace(feet, dt=slower * dt)
-    reference = Reference.of(robot, q, slower * dt, feet)
-    rest = Feet.of(robot, contacts, robot.standing().q[None], dt).p[0] if isinstance(robot, Robot) else feet.p[0]
-    stride = np.linalg.norm(rest[:, None] - rest, axis=2)
+    rest = Feet.of(robot, contacts, (robot.standing().q if isinstance(robot, Robot) else q[0])[None], dt).p[0]
     course = Course(
-        reference, feet, on, tuple(stances_of(on, feet)), level, FRICTION_SHARE * friction,
-        BodyPairs.of(robot) if self_collision else None, stride,
+        Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances_of(on, feet)), level,
+        FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
+        np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
     )  # fmt: skip
-    sweep, goal, plan = course.solved(done)
-    return _made(motion, lanes, course, sweep, t[0] + slower * (t - t[0]), slower)
+    found = replace(course.solved(done), contacts=tuple(contacts), floor=lanes.ground, start=float(t[0]))
+    return _made(motion, lanes, found, t[0] + slower * (t - t[0]), slower), found
 
 
 def _times(motion: Motion) -> tuple[Array, Array]:
     """(equal times, at most `FASTEST` a second, the nearest frame of the motion at each)."""
-    steps = motion.n - 1
-    rate = motion.rate
+    steps, rate = motion.n - 1, motion.rate
     if rate > FASTEST:
         steps = max(int(np.ceil(steps / np.ceil(rate / FASTEST))), LEAST_FRAMES)
     elif rate < SLOWEST:
         steps *= int(np.ceil(SLOWEST / rate))
     t = np.linspace(motion.t[0], motion.t[-1], steps + 1)
-    at = np.searchsorted(motion.t, t).clip(1, motion.n - 1)
-    return t, at - (t - motion.t[at - 1] < motion.t[at] - t)
+    return t, nearest_in(motion.t, t)
 
 
-def _made(motion: Motion, lanes: ContactTimeline, course: Course, sweep: Sweep, t: Array, slower: float) -> Motion:
-    """The motion of a sweep at the times of the reference."""
-    robot, wanted = motion.robot, motion.t[0] + slower * (motion.t - motion.t[0])
-    found = Motion.of_arrays(
-        robot, t, sweep.q, sweep.v, sweep.a, source=f"repaired {motion.source}", ground=course.ground, quaternion="xyzw", trust=True,
-    )  # fmt: skip
-    on = course.on
+def nearest_in(times: Array, t: Array) -> Array:
+    """Index of the nearest of increasing times to each t."""
+    at = np.searchsorted(times, t).clip(1, len(times) - 1)
+    return at - (t - times[at - 1] < times[at] - t)
+
+
+def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slower: float) -> Motion:
+    """The poses as a motion at the times of the reference, with its contacts."""
+    robot, sweep, on = motion.robot, found.sweep, found.course.on
+    wanted = motion.t[0] + slower * (motion.t - motion.t[0])
+    q, v, a = sweep.q, sweep.v, sweep.a
     if len(t) != len(wanted) or np.abs(t - wanted).max() > 1e-9:
-        at = np.abs(t - wanted[:, None]).argmin(axis=1) if len(t) * len(wanted) < 1e8 else np.searchsorted(t, wanted).clip(0, len(t) - 1)
-        a = np.stack([np.interp(wanted, t, x) for x in sweep.a.T], axis=1)
-        v = np.stack([np.interp(wanted, t, x) for x in sweep.v.T], axis=1)
-        q = interpolated_q(robot, t, sweep.q, sweep.v, wanted)
-        found = replace(found, t=wanted, q=q, v=v, a=a)
-        on = on[at]
-    names = [c.name for c in course.feet.contacts]
+        q = interpolated_q(robot, t, q, v, wanted)
+        v, a, on = cubic(t, v, a, wanted), cubic_rate(t, v, a, wanted), on[nearest_in(t, wanted)]
+    out = Motion.of_arrays(
+        robot, wanted, q, v, a, source=f"repaired {motion.source}", ground=found.course.ground, quaternion="xyzw", trust=True
+    )
+    names = [c.name for c in lanes.contacts if isinstance(c, Contact)]
     owner = np.array([names.index(c.name) if c.name in names else -1 for c in lanes.contacts])[lanes.points.group]
     touches = np.where(owner >= 0, on[:, owner], False)
-    return found.with_contacts(lanes_of(found, lanes.points, touches, course.ground))
+    return out.with_contacts(lanes_of(out, lanes.points, touches, found.course.ground))

@@ -21,8 +21,8 @@ from rbd.model.checked_model import CheckedModel
 class Sweep:
     """n poses at equal times, their rates by differences, and M a + h there.
 
-    v[k] = (d[k] + d[k-1]) / 2 dt and a[k] = (d[k] - d[k-1]) / dt^2 with d[k] from pose k to the next, in the robot's own axes; the
-    first and the last frame have the accelerations of their neighbours.
+    v[k] = (d[k] + d[k-1]) / 2 dt and a[k] = (d[k] - d[k-1]) / dt^2 with d[k] from pose k to the next, in the robot's own
+    axes; the first and the last frame have the accelerations of their neighbours.
 
     Attributes:
         robot: The robot.
@@ -67,7 +67,8 @@ class Sweep:
         """
         model, n, nv = robot.model, len(q), robot.nv
         pushes = pin.StdVec_Force([pin.Force.Zero()] * model.njoints)
-        pushed = [pushes[j] for j in joints] if wrenches is not None else []
+        pushed = [pushes[j] for j in joints]
+        given = np.zeros((n, len(pushed), 6)) if wrenches is None else wrenches
         d = np.array([pin.difference(model, q[k], q[k + 1]) for k in range(n - 1)])
         v, a = rates(d, dt)
         data = model.createData()
@@ -76,7 +77,7 @@ class Sweep:
         by_q, by_v, M = np.empty((3, n, nv, nv))
         for k in range(n):
             for f, push in enumerate(pushed):
-                push.vector = wrenches[k, f]
+                push.vector = given[k, f]
             by_q[k], by_v[k], M[k] = pin.computeRNEADerivatives(model, data, q[k], v[k], a[k], pushes)
             need[k], J[k], rows[k] = data.tau, data.J, every
         upper = np.triu(M, 1)
@@ -90,7 +91,7 @@ class Sweep:
 
     @property
     def moment(self) -> Array:
-        """What `need` is about the centre of mass, in W: the rate of angular momentum where nothing pushes, shape (n, 3) [N m]."""
+        """`need` about the centre of mass, in W, shape (n, 3) [N m]: where nothing pushes, the rate of angular momentum."""
         R = self.R[:, 1]
         force, about_base = each_times(R, self.need[:, :3]), each_times(R, self.need[:, 3:6])
         return about_base + np.cross(self.p[:, 1] - self.com, force)
