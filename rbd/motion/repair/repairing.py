@@ -34,7 +34,7 @@ SLOWEST, FASTEST = 45.0, 75.0
 """Rates at which poses are computed [Hz]."""
 SOON = 0.25
 """Stances that follow one another within this time must be within reach of each other, too [s]."""
-NEAREST, FARTHEST = 0.9, 1.8
+NEAREST, FARTHEST = 1.0, 1.8
 """Least and largest distance of two feet that shifts may lead to, over that where the robot stands."""
 LEAST_FRAMES = 8
 """A motion of fewer has no course to repair."""
@@ -42,6 +42,8 @@ STIFFNESS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0)
 """How stiffly poses follow the plan's forces, from pass to pass: stiff from the start, arms swing wildly."""
 LEVEL_TURNS, TURNS, LAST_TURNS = (4, 2), 3, 6
 """Steps of Gauss-Newton with loose stances; in a pass, and in the last."""
+OWN = (0.0, 0.3, 0.6, 0.8, 0.9, 1.0, 1.0, 1.0)
+"""Share of the poses' own rate of angular momentum in what the next plan stays near to; the rest is the reference's."""
 SETTLED = 4e-3
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 
@@ -134,14 +136,14 @@ class Course:
         robot, dt, q = reference.robot, reference.dt, reference.q
         sweep = Sweep.of(robot, q, dt)
         com = sweep.com
-        moment = blurred(sweep.moment, 0.03 / dt)
+        moment = first = blurred(sweep.moment, 0.03 / dt)
         for turns in LEVEL_TURNS:  # where would the feet stand, were they level, but free to move along the floor?
             R, p, free = course.paths()
             q, sweep, _ = posed(q, reference, feet, Goals(R, p, free, com, None, kept), self.bodies, turns)
             now = feet.at(sweep.R, sweep.p)
             course = replace(course, stances=tuple(s.moved_to(now) for s in course.stances))
         plan, stiff, last = course.program(com, moment).solve(), 0.0, np.inf
-        for i, least in enumerate(STIFFNESS):
+        for i, (least, own) in enumerate(zip(STIFFNESS, OWN, strict=True)):
             if stiff == 1.0 and last < SETTLED:
                 break
             stiff = 1.0 if last < SETTLED else least
@@ -153,7 +155,7 @@ class Course:
             q, _, last = posed(q, reference, feet, goals, self.bodies, turns, stiff)
             sweep = Sweep.of(robot, q, dt)
             com = np.column_stack([com[:, :2], sweep.com[:, 2]])
-            moment = sweep.moment
+            moment = own * sweep.moment + (1.0 - own) * first
             done((i + 1.0) / len(STIFFNESS))
         places = np.array([s.place[:2] for s in self.stances]).reshape(-1, 2)
         moved = np.array([s.place[:2] for s in course.stances]).reshape(-1, 2) + plan.shifts - places
