@@ -200,23 +200,18 @@ class CentroidProgram:
         row += 3 * max(n - 3, 0)
         R.put(row + 3 * np.arange(E), force, xyz, xyz, share / w.force)
         row += 3 * E
-        number = np.full((n + 2, self.points.shape[1]), -1)  # of the force at each point, -1 before, after and in the air
-        number[k + 1, i] = np.arange(E)
-        changes = 0
-        for begin in (0, 1):  # from the time before, if it touches only later or goes on; to the time after it lifts
-            one, two = number[begin : n + begin], number[begin + 1 : n + begin + 1]
-            chosen = (two >= 0) if begin == 0 else (one >= 0) & (two < 0)
-            at, point = np.nonzero(chosen & ((np.arange(n) + begin - 1 >= 0) & (np.arange(n) + begin < n))[:, None])
-            rows = row + 3 * (changes + np.arange(len(at)))
-            for which, factor in ((one[at, point], -1.0), (two[at, point], 1.0)):
-                there = which >= 0
-                R.put(rows[there], force[which[there]], xyz, xyz, factor * share / (dt * 60.0 * w.force_rate / 60.0))
-            changes += len(at)
-        row += 3 * changes
+        number = np.full(self.touches.shape, -1)  # of the force at each point; -1 in the air, where it is zero
+        number[k, i] = np.arange(E)
+        at, point = np.nonzero((number[:-1] >= 0) | (number[1:] >= 0))
+        rows = row + 3 * np.arange(len(at))
+        for which, sign in ((number[at, point], -1.0), (number[at + 1, point], 1.0)):
+            there = which >= 0
+            R.put(rows[there], force[which[there]], xyz, xyz, sign * share / (dt * w.force_rate))
+        row += 3 * len(at)
         if S:
-            at, stance = np.nonzero(self.touches & (self._stance() >= 0)), self._stance()
-            first = np.unique(np.stack([at[0], stance[at]]), axis=1)  # each time of each stance, once
-            count = np.bincount(first[1], minlength=S)
+            stands = np.zeros((n, S + 1), bool)
+            stands[k, self._stance()[k, i]] = True
+            count = stands[:, :S].sum(axis=0)
             R.put(row + 2 * np.arange(S), shift + 2 * np.arange(S), xyz[:2], xyz[:2], np.sqrt(4.0 * dt * count) / w.shift)
             row += 2 * S
         out = np.zeros(row)
