@@ -1340,8 +1340,8 @@ CASES |= {
         | {"workers": 0},
         5,
     ),
-    "MotionReport.nearest_motion": Case(
-        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"margin": 0.1, "step": 0.02, "progress": False}, 10
+    "MotionReport.repaired": Case(
+        lambda **given: use_motion(SWAY_REPORT.repaired(**given)), {"slower": 1.5, "keep": ["FL_FOOT"], "progress": False}, 10
     ),
     "MotionDifference.of": Case(
         lambda **given: use_difference(rbd.motion.MotionDifference.of(**given)), {"motion": SWAY, "reference": SWAY}, 10

@@ -306,7 +306,7 @@ def squat(robot: rbd.Robot, n: int = 31, drop: float = 0.5) -> rbd.Motion:
 
 
 def test_check_motion_and_inverse_dynamics_agree_on_slow_motors(solo):
-    """Frame by frame: where one finds torques within the lines, so does the other; the nearest motion keeps them."""
+    """Frame by frame: where one finds torques within the lines, so does the other; the repair keeps them."""
     weak = {n: rbd.Motor(limit=0.5) for n in solo.actuated_names}
     slow = {n: rbd.Motor(torque_speed=[(0.0, 0.98), (2.0, 0.0)]) for n in weak if n.endswith("KFE")}
     robot = solo.with_motors(weak | slow)
@@ -326,7 +326,7 @@ def test_check_motion_and_inverse_dynamics_agree_on_slow_motors(solo):
     assert 5 < sum(possible) < 26 and np.array_equal(report.possible, possible)
     assert report.of_cause("torque-speed").any() and "which leaves" in str(report)
     assert rbd.check_motion(squat(solo), self_collision=False).possible.all()
-    near = report.nearest_motion(progress=False, step=0.02)
+    near = report.repaired(progress=False)
     assert near.n == motion.n and rbd.check_motion(near, self_collision=False).possible.all()
 
 

@@ -320,7 +320,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "hand_on_a_wall": partial(scene, "hand_on_a_wall", 1000, 820),
     "motion_check": partial(scene, "motion_check", 1200, 720),
     "motion_checks": motion_checks,
-    "nearest_motion": partial(scene, "nearest_motion", 1200, 720),
+    "repaired_motion": partial(scene, "repaired_motion", 1200, 720),
     "four_bar": partial(scene, "four_bar", 900, 640),
     "double_pendulum": partial(scene, "double_pendulum", 900, 640),
     "standing": partial(example_page, "standing", "01_stand", 900, 760),

@@ -95,11 +95,11 @@ def motion_check(page: Path) -> Path:
     return rbd.check_motion(lean(1.0)).export(page, title="G1 leans forward", arrow_per_weight=0.8)
 
 
-def nearest_motion(page: Path) -> Path:
-    """The page of `docs/tasks/check_a_motion_file.md`: G1 leans at twice the speed, the motion nearest to it, and both."""
+def repaired_motion(page: Path) -> Path:
+    """The page of `docs/tasks/check_a_motion_file.md`: G1 leans at twice the speed, and the motion repaired."""
     motion = lean(2.0)
-    nearest = rbd.check_motion(rbd.check_motion(motion).nearest_motion(progress=False))
-    return nearest.export(page, title="the motion nearest to G1's lean", ghost=motion, start=0.55, arrow_per_weight=0.8)
+    repaired = rbd.check_motion(rbd.check_motion(motion).repaired(progress=False))
+    return repaired.export(page, title="G1's lean repaired", ghost=motion, start=0.55, arrow_per_weight=0.8)
 
 
 def push_samples(page: Path) -> Path:
@@ -137,7 +137,7 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "balance_strip": balance,
     "tipping": tipping,
     "motion_check": motion_check,
-    "nearest_motion": nearest_motion,
+    "repaired_motion": repaired_motion,
     "push_samples": push_samples,
     "four_bar": four_bar,
     "double_pendulum": double_pendulum,

@@ -21,6 +21,9 @@ import numpy as np
 from rbd.arrays import Array, each_times
 from rbd.errors import NoSolution
 
+STOPPED = 1e-5
+"""Where the solver makes no more progress, errors of its rows by less are taken, over the weight: `residual` tells them."""
+
 
 @dataclass(frozen=True)
 class CentroidCosts:
@@ -82,6 +85,7 @@ class CentroidProgram:
         moment: Reference of the rate of angular momentum, shape (n, 3) [N m].
         stance: Which stance moves each point, shape (n, k); -1: none. Stances shift along the floor as wholes.
         bounds: (G, h): shifts d of all stances, one after the other, keep G d >= h, shapes (m, 2 stances) and (m,)
+        rests: Whether the centre of mass is at rest, and in balance, at the first and at the last time.
         costs: See `CentroidCosts`.
     """
 
@@ -95,6 +99,7 @@ class CentroidProgram:
     moment: Array
     stance: Array | None = None
     bounds: tuple[Array, Array] | None = None
+    rests: tuple[bool, bool] = (False, False)
     costs: CentroidCosts = field(default_factory=CentroidCosts)
 
     def solve(self, about: CentroidPlan | None = None) -> CentroidPlan:
@@ -130,7 +135,11 @@ class CentroidProgram:
             turns = _crosses(moved[on])[:, :, :2]
             A.block(3 * n + 3 * k[on], shift + 2 * s[on], turns)
             np.add.at(b[3 * n :].reshape(n, 3), k[on], each_times(turns, about.shifts[s[on]]))
-        equal = 6 * n
+        at_rest = np.array([k for k, rests in zip((0, 1, n - 2, n - 3), np.repeat(self.rests, 2), strict=True) if rests], int)
+        still = 6 * n + 3 * np.arange(len(at_rest))
+        for beside, factor in ((0, -1.0), (1, 1.0)):  # three places are the same at an end
+            A.put(still, 3 * (at_rest + beside), xyz, xyz, factor)
+        equal = 6 * n + 3 * len(at_rest)
         G, h = (np.zeros((0, 2 * S)), np.zeros(0)) if self.bounds is None else self.bounds
         m = len(h)
         A.block(np.array([equal]), np.array([shift]), -G[None])
@@ -145,10 +154,11 @@ class CentroidProgram:
         settings.tol_gap_abs = settings.tol_gap_rel = 1e-5
         settings.tol_feas = 1e-7
         cones = [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E]
-        side = np.concatenate([b, -h, np.zeros(3 * E)])
+        side = np.concatenate([b, np.zeros(3 * len(at_rest)), -h, np.zeros(3 * E)])
         found = clarabel.DefaultSolver(csc_matrix(triu(R.T @ R)), -(R.T @ t), M, side, cones, settings).solve()
         x, status = np.asarray(found.x), str(found.status)
-        if status.removeprefix("Almost") != "Solved" or not np.isfinite(x).all():
+        near = status in ("InsufficientProgress", "MaxIterations") and found.r_prim < STOPPED  # where it could go no further
+        if not (near or status.removeprefix("Almost") == "Solved") or not np.isfinite(x).all():
             raise NoSolution(f"the centroid's program of {n} times and {E} forces ended with {status!r}.")
         f = np.zeros((n, self.points.shape[1], 3))
         f[k, i] = unit * x[6 * n : shift].reshape(E, 3)

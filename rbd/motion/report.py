@@ -13,7 +13,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, check_number, largest_first, lazy
 from rbd.displayed import Displayed, drawing
-from rbd.errors import Reason
+from rbd.errors import InputError, Reason
 from rbd.errors.inputs import check_choice
 from rbd.installation import VERSION
 from rbd.model.joints import FORCE_OF
@@ -359,10 +359,17 @@ class MotionReport(Displayed):
         m, settings = self.motion, self.settings
         pace = check_number("slower", slower, 1.0, 100.0, expected="a factor of 1 or more")
         check_flag("progress", progress)
+        if isinstance(keep, str) or not isinstance(keep, Sequence):
+            raise InputError(f"keep is {keep!r:.80}; expected names of frames: ['left_hand', 'right_hand'].")
         frames = [m.robot.frame(name).name for name in keep]
-        if pace == 1.0 and self.possible.all():
-            return replace(m, notes=(*m.notes, "each frame is possible: nothing was repaired."), contacts=self.lanes)
         level = m.ground if settings.ground in (None, "fit") else self.lanes.ground
+        if pace == 1.0 and self.possible.all():
+            raised = level - self.lanes.ground
+            found, lanes = m, self.lanes
+            if raised:
+                found, lanes = m.lifted(raised), replace(lanes, places=lanes.places + [0.0, 0.0, raised], ground=level)
+            told = "each frame is possible: nothing was repaired."
+            return replace(found, notes=(*found.notes, told), contacts=lanes)
         torques = partial(torque_bounds, m.robot, torque_limits=settings.torque_limits, torque_speed=settings.torque_speed)
         with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"repairing {m.source}") as done:
             new, found = repaired(

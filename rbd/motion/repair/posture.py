@@ -27,7 +27,7 @@ FOOT = np.array([2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4])
 """Errors of a foot that stands that cost one: of its place and its rotation, in its own axes [m, rad]."""
 LOOSE = np.array([0.01, 0.01, 3e-4, 1e-3, 1e-3, 0.05])
 """The same of stances that are level but may move along the floor and turn on it."""
-KEPT = np.array([5e-3, 5e-3, 5e-3, 0.03, 0.03, 0.03])
+KEPT = np.array([5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3])
 """The same of frames that are kept."""
 SWINGS, SOON_FREE = 0.006, 0.25
 """In the air it costs as many times less, from where a foot is this free on."""

@@ -36,6 +36,8 @@ SOON = 0.25
 """Stances that follow one another within this time must be within reach of each other, too [s]."""
 NEAREST, FARTHEST = 1.0, 1.8
 """Least and largest distance of two feet that shifts may lead to, over that where the robot stands."""
+REST, SLOW = 0.4, 0.1
+"""How long it stands before and after the motion [s], where the base is slower than this [m/s, rad/s]."""
 LEAST_FRAMES = 8
 """A motion of fewer has no course to repair."""
 STIFFNESS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0)
@@ -62,6 +64,7 @@ class Course:
         bodies: Pairs of bodies that are kept apart.
         stride: Distances of the feet from each other where the robot stands, shape (F, F) [m].
         kept: Frames whose poses stay as they are.
+        rests: Whether it stands at rest before, and after.
     """
 
     reference: Reference
@@ -73,6 +76,7 @@ class Course:
     bodies: BodyPairs | None
     stride: Array
     kept: Feet | None
+    rests: tuple[bool, bool]
 
     def paths(self, shifts: Array | None = None) -> tuple[Array, Array, Array]:
         """(R, p, free) of the feet, where stances are shifted along the floor."""
@@ -100,7 +104,7 @@ class Course:
         robot, group = self.reference.robot, self.group
         return CentroidProgram(
             self.reference.dt, robot.mass, robot.gravity, self.places(*self.paths()[:2]), self.on[:, group], self.friction, com,
-            moment, stance[:, group], self.bounds(),
+            moment, stance[:, group], self.bounds(), self.rests,
         )  # fmt: skip
 
     def bounds(self) -> tuple[Array, Array]:
@@ -219,7 +223,7 @@ def repaired(
         )
     t, frames = _times(motion)
     dt = float(t[1] - t[0])
-    q = interpolated_q(robot, motion.t, motion.q, motion.v, t)
+    q = interpolated_q(robot, motion.t, motion.q, motion.v, t.clip(motion.t[0], motion.t[-1]))
     q[:, 2] += level - lanes.ground
     q = low_passed(robot, q, FILTER * dt)
     feet = Feet.of(robot, contacts, q, dt)
@@ -231,19 +235,26 @@ def repaired(
         Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances_of(on, feet)), level,
         FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
         np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
+        (bool(t[0] < motion.t[0]), bool(t[-1] > motion.t[-1] + 0.5 * dt)),
     )  # fmt: skip
+    t = motion.t[0] + slower * (t - motion.t[0])
     found = replace(course.solved(done), contacts=tuple(contacts), floor=lanes.ground, start=float(t[0]))
-    return _made(motion, lanes, found, t[0] + slower * (t - t[0]), slower), found
+    return _made(motion, lanes, found, t, slower), found
 
 
 def _times(motion: Motion) -> tuple[Array, Array]:
-    """(equal times, at most `FASTEST` a second, the nearest frame of the motion at each)."""
+    """(equal times, at most `FASTEST` a second, the nearest frame of the motion at each).
+
+    A motion that begins or ends slowly is taken to stand still for a while before or after: so its ends are in balance.
+    """
     steps, rate = motion.n - 1, motion.rate
     if rate > FASTEST:
         steps = max(int(np.ceil(steps / np.ceil(rate / FASTEST))), LEAST_FRAMES)
     elif rate < SLOWEST:
         steps *= int(np.ceil(SLOWEST / rate))
-    t = np.linspace(motion.t[0], motion.t[-1], steps + 1)
+    dt = motion.duration / steps
+    rests = [round(REST / dt) * bool(np.linalg.norm(motion.v[i, :6]) < SLOW) for i in (0, -1)]
+    t = motion.t[0] + dt * np.arange(-rests[0], steps + 1 + rests[1])
     return t, nearest_in(motion.t, t)
 
 
@@ -257,10 +268,11 @@ def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slo
     """The poses as a motion at the times of the reference, with its contacts."""
     robot, sweep, on = motion.robot, found.sweep, found.course.on
     wanted = motion.t[0] + slower * (motion.t - motion.t[0])
-    q, v, a = sweep.q, sweep.v, sweep.a
-    if len(t) != len(wanted) or np.abs(t - wanted).max() > 1e-9:
-        q = interpolated_q(robot, t, q, v, wanted)
-        v, a, on = cubic(t, v, a, wanted), cubic_rate(t, v, a, wanted), on[nearest_in(t, wanted)]
+    near = nearest_in(t, wanted)
+    q, v, a, on = sweep.q[near], sweep.v[near], sweep.a[near], on[near]
+    if np.abs(t[near] - wanted).max() > 1e-6:
+        q = interpolated_q(robot, t, sweep.q, sweep.v, wanted)
+        v, a = cubic(t, sweep.v, sweep.a, wanted), cubic_rate(t, sweep.v, sweep.a, wanted)
     out = Motion.of_arrays(
         robot, wanted, q, v, a, source=f"repaired {motion.source}", ground=found.course.ground, quaternion="xyzw", trust=True
     )
