@@ -26,7 +26,7 @@ model problem
 constraints solvers workers
 robots
 answers
-statics
+centroid statics
 mechanism
 control
 simulation

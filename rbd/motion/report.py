@@ -365,11 +365,11 @@ class MotionReport(Displayed):
         level = m.ground if settings.ground in (None, "fit") else self.lanes.ground
         if pace == 1.0 and self.possible.all():
             raised = level - self.lanes.ground
-            found, lanes = m, self.lanes
+            same, lanes = m, self.lanes
             if raised:
-                found, lanes = m.lifted(raised), replace(lanes, places=lanes.places + [0.0, 0.0, raised], ground=level)
+                same, lanes = m.lifted(raised), replace(lanes, places=lanes.places + [0.0, 0.0, raised], ground=level)
             told = "each frame is possible: nothing was repaired."
-            return replace(found, notes=(*found.notes, told), contacts=lanes)
+            return replace(same, notes=(*same.notes, told), contacts=lanes)
         torques = partial(torque_bounds, m.robot, torque_limits=settings.torque_limits, torque_speed=settings.torque_speed)
         with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"repairing {m.source}") as done:
             new, found = repaired(
