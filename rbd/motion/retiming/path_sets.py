@@ -30,7 +30,7 @@ TOLERANCE = 1e-4
 """A point is of the set if it is this near to it, in shares of the weight and of torque limits."""
 SPARED = 1e-3
 """Share of speed limits that is left to what lies between the points."""
-SLACK = 5e-4
+SLACK = 1e-4
 """Share of the weight that each component of the wrench may miss besides: a flight's set would else be a point."""
 _MET = 1e-6
 _SMOOTH = 1e-4
