@@ -217,9 +217,9 @@ class Contact(Displayed):
         X_S0 = motion.X_WS.actInv(motion.X_WP)
         return self._again(anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
 
-    def with_friction(self, mu: float | Cone | None) -> Self:
-        """The same contact with another coefficient."""
-        return self._again(friction=mu)
+    def with_friction(self, mu: float | Cone | None, *, facets: int | None = None) -> Self:
+        """The same contact with another coefficient, and other facets of its pyramids if they are given."""
+        return self._again(friction=mu, facets=self.facets if facets is None else facets)
 
     def _again(self, **changes: Any) -> Self:
         """The same with other arguments of `Contact`, whatever the class's own constructor takes."""

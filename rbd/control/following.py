@@ -30,11 +30,17 @@ from rbd.model.sampled_motion import SampledAccelerations
 from rbd.model.state import State, state_at
 
 SINKS = 0.05
-"""Speed at which the target of a foot goes down where it has not landed when it was to [m/s] ..."""
+"""Speed at which the target of a foot goes down that has not landed [m/s] ..."""
+AHEAD = 0.03
+"""... from so long before it is to land [s] ..."""
 DEEPEST = 0.01
 """... and how far at most [m]."""
 FADE = 0.03
 """Forces of contacts rise and fall within this time [s]."""
+FACETS = 8
+"""Of the pyramids inside the friction cones: with four, quick clips on one foot fall."""
+BRIDGED = 0.1
+"""No foot carries for less than this [s] where a motion does not fly, but changes feet."""
 _EVERY = 5e-3  # s between samples; the motion goes on from the nearest one with constant acceleration
 
 
@@ -113,11 +119,11 @@ class MotionTargets:
         return Reference(X.rotation, v[3:], a[3:])
 
     def foot(self, contact: Any, offset: Array, t: float) -> Reference:
-        """The pose of a foot, or the place of a point foot; from when it is to touch its target sinks."""
+        """The pose of a foot, or the place of a point foot; about when it is to touch its target sinks."""
         X, v, a = self._moving(contact.frame, pin.SE3(np.eye(3), offset), t)
         place = X.translation.copy()
-        start = next((x for x, y in self.times[contact.name] if x <= t < y), t)
-        if 0.0 < (depth := SINKS * (t - max(start, 0.0))):
+        start = next((max(x - AHEAD, 0.0) for x, y in self.times[contact.name] if x - AHEAD <= t < y), t)
+        if 0.0 < (depth := SINKS * (t - start)):
             place[2] -= min(depth, DEEPEST)
             v[2] -= SINKS * (depth < DEEPEST)
         return Reference(place, v[:3], a[:3]) if len(contact.corners) == 1 else Reference(pin.SE3(X.rotation, place), v, a)
@@ -126,6 +132,22 @@ class MotionTargets:
         state, a = self.at(t)
         X, J, v, bias = state.moving(frame, X_FP, pin.LOCAL_WORLD_ALIGNED)
         return X, np.array(v), J @ a + bias
+
+
+def bridged(times: dict[str, list[Interval]]) -> dict[str, list[Interval]]:
+    """The same contacts, in which a foot that leaves about when the next one lands stays until that one carries.
+
+    Lanes tell frames: between two feet that change in an instant they leave some out. Forces of both fade, and so overlap.
+    """
+    out: dict[str, list[Interval]] = {name: [] for name in times}
+    for name, own in times.items():
+        others = [each for other, intervals in times.items() if other != name for each in intervals]
+        for k, (start, end) in enumerate(own):
+            again = own[k + 1][0] if k + 1 < len(own) else math.inf
+            if not any(x <= end - FADE and y >= end for x, y in others):
+                end = next((min(x + FADE, again - FADE) for x, _ in sorted(others) if end - FADE < x <= end + BRIDGED), end)
+            out[name].append((start, end))
+    return out
 
 
 def follow(
@@ -142,13 +164,13 @@ def follow(
     is much. Tasks, with their costs and gains (k; momentum: 1/s), each with velocity and acceleration of the motion::
 
         centre of mass          1000    100
-        feet in the air, each    100    400      place; of soles also orientation, 20
+        feet in the air, each   1000    900      place; of soles also orientation, 200
         angular momentum          30      5
         orientation of the base    5    100
         joints                     1    100
 
-    Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. From when a foot is to touch its target
-    sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would otherwise hover, and the robot fall.
+    Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. From 30 ms before a foot is to touch its
+    target sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would otherwise hover, and the robot fall.
 
     Args:
         motion: An `rbd.Motion` with contacts; or what has a robot, t, q, v, a and contacts. Of a robot on a fixed base it needs
@@ -201,6 +223,7 @@ def follow(
                 "feet alone: name its frame as a foot, rbd.load_robot(file, feet=[...]), or leave that contact out, "
                 "motion.with_contacts(motion.contacts.of(names, intervals))."
             )
+    times = bridged(times)
     t, q, v, a = sampled(motion, _EVERY)
     targets = MotionTargets(model, t - begin, q, v, a, times, [])
     tasks: list[Task] = [
@@ -214,9 +237,11 @@ def follow(
         offset = foot.placement.act(foot.corners.mean(axis=0))
         target = partial(targets.foot, foot, offset)
         tasks.append(
-            FrameTask(foot.frame, target, offset=offset, position_cost=100.0, orientation_cost=20.0, gain=400.0, name=foot.name)
+            FrameTask(
+                foot.frame, target, offset=offset, position_cost=1000.0, orientation_cost=200.0, gain=900.0, name=foot.name
+            )
         )
     # A foot is lifted when the motion lifts it: one that were kept until the other lands would be dragged along.
     schedule = ContactSchedule(times, fade=FADE, flight=True)
-    contacts = [foot.with_friction(friction) for foot in feet]
+    contacts = [foot.with_friction(friction, facets=FACETS) for foot in feet]
     return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot)

@@ -114,7 +114,7 @@ def test_a_push_is_taken_up(stepping: Motion) -> None:
     push = Push("torso_link", (0.0, 60.0, 0.0), start=0.3, duration=0.05)
     still, pushed = followed(stepping), followed(stepping, external=push)
     assert 0.01 < np.linalg.norm(pushed.base, axis=1).max() < 0.06
-    assert np.linalg.norm(pushed.base[-1]) < np.linalg.norm(still.base[-1]) + 0.01
+    assert np.linalg.norm(pushed.base[-1]) < np.linalg.norm(still.base[-1]) + 0.015
 
 
 @pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")
@@ -168,11 +168,23 @@ def test_targets_are_the_motion_and_its_rates(stepping: Motion) -> None:
 
 
 def test_a_target_sinks_by_a_centimetre_at_most(stepping: Motion) -> None:
-    """50 mm/s from the touchdown; the first contact counts from the start."""
+    """50 mm/s from 30 ms before the touchdown."""
     controller = follow(stepping)
     target = next(task.target for task in controller.tasks if task.name == "right_sole")  # type: ignore[attr-defined]
-    height = [float(target(t).value.translation[2]) for t in (LANDS - 1e-6, LANDS + 0.1, LANDS + 0.3, LANDS + 0.5)]
-    assert np.diff(height) == pytest.approx([-0.005, -0.005, 0.0], abs=1e-3)
+    times = LANDS - 0.05, LANDS + 0.07, LANDS + 0.27, LANDS + 0.47
+    times = tuple(round(60 * t) / 60 for t in times)
+    height = [float(target(t).value.translation[2]) for t in times]
+    own = [float(stepping.state(int(round(60 * t))).frame("right_ankle_roll_link").X_WF.translation[2]) for t in times]
+    below = np.subtract(height, own)
+    assert below - below[0] == pytest.approx([0.0, -0.005, -0.01, -0.01], abs=5e-4)
+
+
+def test_feet_that_change_in_an_instant_overlap() -> None:
+    """One that leaves as, or shortly before, the next lands stays for a fade more; not before a flight, nor on two feet."""
+    left, right = [(-math.inf, 1.0), (2.0, 3.0)], [(1.02, 2.5), (3.5, math.inf)]
+    found = following.bridged({"left": left, "right": right})
+    assert found["left"] == [(-math.inf, pytest.approx(1.05)), (2.0, 3.0)]
+    assert found["right"] == right
 
 
 def test_the_motion_begins_with_the_simulation(stepping: Motion) -> None:
