@@ -217,9 +217,9 @@ def _shared(on: Array, dt: float) -> Array:
     for f in range(on.shape[1]):
         held = _others(on, f)
         for a, b in stretches(on[:, f]):
-            if b < n and not held[b : b + 2 * half].all():
+            if b < n and not held[max(b - 2 * half, 0) : b].all():
                 wide[b : b + half, f] = True
-            if a > 0 and not held[max(a - 2 * half, 0) : a].all():
+            if a > 0 and not held[a : a + 2 * half].all():
                 wide[max(a - half, 0) : a, f] = True
         for a, b in stretches(~wide[:, f]):
             if (b - a) * dt < 0.15 and a > 0 and b < n:
