@@ -341,7 +341,7 @@ class MotionReport(Displayed):
         5. The result is judged by the same check; its notes say what is not possible, by interval and cause.
 
         A motion that is possible at each frame comes back as it is. The reference is followed up to 6 Hz, its accelerations by
-        differences of frames at 45 to 75 Hz; 0.86 of the friction, 0.88 of the soles and of the torques are used.
+        differences of frames at 45 to 75 Hz; 0.86 of the friction, 0.75 of the soles and of the torques are used.
 
         Args:
             slower: How many times as long it takes; contacts are those of the given pace.

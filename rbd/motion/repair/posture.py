@@ -37,13 +37,13 @@ MISSING = 4e-3
 """Of what is missing on the base, over the weight, and over 0.3 m times the weight."""
 BASE_M, BASE_TURN, LEG, TRUNK, LIMB = 0.3, 0.15, 0.5, 0.12, 0.25
 """Distances from the reference that cost one: of the base [m], [rad], of joints of legs, of the trunk and others [rad]."""
-ACCELERATION, TRUNK_ACCELERATION = 15.0, 4.0
+ACCELERATION, TRUNK_ACCELERATION = 7.0, 3.0
 """The same of accelerations [rad/s2]."""
 HEAVY = 0.2
 """A joint that carries more than this share of the mass and no foot is one of the trunk."""
-LIMIT_ROOM, LIMIT_RAD, NEAR_LIMIT = 0.01, 1e-3, 0.02
+LIMIT_ROOM, LIMIT_RAD, NEAR_LIMIT = 0.03, 1e-3, 0.02
 """Joints stay this far inside their limits; error that costs one; where they are held, from how far inside these [rad]."""
-TORQUE_SHARE, TORQUE_UNIT = 0.88, 0.02
+TORQUE_SHARE, TORQUE_UNIT = 0.75, 0.02
 """Share of the torque limits that is used; error that costs one, over the limit."""
 APART, APART_UNIT = 6e-3, 1.5e-3
 """Bodies are kept this far apart; error that costs one [m]."""

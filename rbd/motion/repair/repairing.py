@@ -24,7 +24,7 @@ from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
 from rbd.robots.robot import Robot
 
-INNER = 0.88
+INNER = 0.75
 """Forces act at the corners of soles made smaller by this."""
 FRICTION_SHARE = 0.86
 """Share of the friction that is used."""
