@@ -133,6 +133,14 @@ def test_lifted_and_filtered_motions_stand_beside_the_first(folder, tmp_path):
         (("stands.csv", "hangs.csv", "--html", "pages.html"), "expected a folder"),
         (("stands.csv", "hangs.csv", "--save", "x.npz"), "--save is for one motion"),
         (("stands.csv", "hangs.csv", "--json", "hangs.csv"), "one file"),
+        (("stands.csv", "--out", "x.npz"), "--out is of the repaired motion; expected --repair"),
+        (("stands.csv", "--slower", "2"), "--slower is of the repaired motion; expected --repair"),
+        (("stands.csv", "--repair", "--slower", "0.5"), "--slower is 0.5"),
+        (("stands.csv", "--repair", "--keep", "nose"), "nose"),
+        (("stands.csv", "--repair", "--kind", "bvh"), "--kind is 'bvh'"),
+        (("stands.csv", "--repair", "--kind", "gmr", "--out", "x.csv"), "--out is 'x.csv'"),
+        (("stands.csv", "--repair", "--out", "stands.csv"), "one file"),
+        (("stands.csv", "hangs.csv", "--repair", "--out", "x.npz"), "expected a folder"),
         (("*.npz",), "no file is like"),
         ((".hidden",), "has no motion"),
         (("stands.csv", "--robot", "g2"), "g2"),
@@ -164,6 +172,43 @@ def test_a_store_is_gone_on_with(folder, tmp_path):
     again = run(*arguments), json.loads((tmp_path / "x.json").read_text())
     assert "nothing is left to compute" in again[0][2] and first[1] == again[1]
     assert first[1]["motions"][0]["settings"]["touch_height"] == 0.05
+
+
+def tilted(path: Path, g1) -> Path:
+    """G1 stands for a second with all of it pitched by 4 degrees: the toes are low, the heels 15 mm up."""
+    q = np.tile(g1.standing().q, (N, 1))
+    q[:, 3:7] = 0.0, np.sin(0.035), 0.0, np.cos(0.035)
+    path.parent.mkdir(exist_ok=True)
+    np.savetxt(path, q, delimiter=",", fmt="%.6f")
+    return path
+
+
+def test_a_repaired_motion_is_shown_beside_what_it_was_and_written(g1, tmp_path):
+    """Both figures are printed, with notes; the file, of the kind that was asked for, is possible; the page has both."""
+    file, page, data = tilted(tmp_path / "tilted.csv", g1), tmp_path / "page.html", tmp_path / "x.json"
+    code, said, _ = run(
+        file, *G1, "--repair", "--slower", "1.5", "--out", tmp_path / "x.pkl", "--kind", "gmr", "--html", page, "--json", data
+    )
+    numbers = json.loads(data.read_text())["motions"][0]
+    assert code == 0 and "0.0 -> 100.0 %" in said and "feet 0.0 -> 100.0" in said and "note: from the reference: joints" in said
+    assert numbers["possible"] == 1.0 and numbers["before"]["possible"] == 0.0
+    assert numbers["duration_s"] == pytest.approx(1.5 * numbers["before"]["duration_s"])
+    new = rbd.Motion.read(tmp_path / "x.pkl", robot=g1)
+    assert new.n == N and rbd.check_motion(new, self_collision=False).share_possible > 0.9  # v and a from its q
+    text = page.read_text(encoding="utf-8")
+    assert all(words in text for words in ("(translucent)", "left_sole, before", "distance from the reference"))
+
+
+def test_each_of_several_motions_is_repaired_into_a_folder(g1, tmp_path):
+    """Folders as those that are read; a file that is read is never written; the ranking has both shares."""
+    for name in ("a", "b"):
+        tilted(tmp_path / name / "x.csv", g1)
+    out = tmp_path / "new"
+    code, said, _ = run(tmp_path, *G1, "--repair", "--out", out, "--kind", "mujoco")
+    assert code == 0 and said.count("0.0 -> 100.0 %") == 2 and f"motions: {out}" in said
+    assert sorted(path.relative_to(out) for path in out.rglob("*.npz")) == [Path("a/x.npz"), Path("b/x.npz")]
+    code, _, said = run(out, *G1, "--repair", "--out", out)
+    assert code == 2 and "is read" in said
 
 
 MOTORS = (

@@ -1,8 +1,10 @@
-"""`rbd check`: which frames of a motion are possible, and why the others are not; for many motions, a ranking."""
+"""`rbd check`: which frames of a motion are possible, and why the others are not, repaired too; for many motions, a ranking."""
 
 from __future__ import annotations
 
 import math
+import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -37,6 +39,7 @@ from rbd.cli.terminal import (
     write_outputs,
 )
 from rbd.errors import InputError, Reason
+from rbd.errors.inputs import check_choice
 from rbd.installation import VERSION
 from rbd.records import Field, counted, joined
 
@@ -83,6 +86,17 @@ def check(
         float | None, typer.Option("--filter", metavar="HZ", help="Also check it without what is faster.")
     ] = None,
     lift: Annotated[bool, typer.Option("--lift", help="Also check it put onto the floor by one height.")] = False,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Repair it over its whole length, and check that, beside what was given.")
+    ] = False,
+    slower: Annotated[float | None, typer.Option(metavar="FACTOR", help="Repair: it takes so many times as long.")] = None,
+    keep: Annotated[str | None, typer.Option(metavar="A,B", help="Repair: frames whose poses stay, as those of hands.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write what was repaired, .npz, .csv or .pkl; of several motions, into a folder.")
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option(metavar="KIND", help="Of that file: motion (the default), gmr, beyondmimic or mujoco.")
+    ] = None,
     least_possible: Annotated[float, typer.Option(help="Share of frames that must be possible for exit code 0.")] = 1.0,
     workers: Annotated[int, typer.Option(help="Of several motions: how many processes; 0: this one.")] = 0,
     store: Annotated[
@@ -103,13 +117,17 @@ def check(
 
     Each frame is tested by its equations of motion: whether forces of the floor within friction and torques within the motors'
     limits bring about the motion. Else it floats, tips, slips, or a motor is too weak. Feet below the floor or sliding,
-    limits of joints and speeds, jumps and self-collision are reported as well.
+    limits of joints and speeds, jumps and self-collision are reported as well. With --repair the motion is repaired: feet flat
+    and fixed while they stand, balanced, within limits, near what was given; all outputs are then of the repaired motion.
 
     Exit codes: 0 possible, 1 not possible, 2 bad input. For example:
 
     rbd check dance.csv --robot g1 --rate 60 --html dance.html
+
+    rbd check dance.csv --robot g1 --rate 60 --repair --out repaired.npz
     """
     from rbd.motion.many_files import list_motions
+    from rbd.motion.motion_writing import ENDINGS
     from rbd.studies.motion_checks import check_motions, checked_file, numbers_of
 
     console = open_console()
@@ -121,7 +139,12 @@ def check(
         one = len(chosen) == 1
         if not 0.0 <= least_possible <= 1.0:
             raise InputError(f"--least-possible is {least_possible:g}; expected a share from 0 to 1.")
-        _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, video=video, show=show)
+        for option, given in {"--slower": slower, "--keep": keep, "--out": out, "--kind": kind}.items():
+            if given is not None and not repair:
+                raise InputError(f"{option} is of the repaired motion; expected --repair beside it.")
+        check_choice("kind", kind := kind or "motion", tuple(ENDINGS))
+        _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, video=video, show=show, out=out, kind=kind)
+        how = {"slower": slower or 1.0, "keep": names_of("--keep", keep) or [], "out": _places(chosen, out, kind), "kind": kind}
         # What Motion.read and check_motion refuse, they refuse by the names of these options.
         reading = {
             "rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints), "trust": trust,
@@ -131,6 +154,7 @@ def check(
             "bodies": bodies, "self_collision": self_collision, "touch_height": touch_height, "touch_speed": touch_speed,
         }  # fmt: skip
         ranking, named = Ranking(least_possible), dict[str, Any](between=(from_, to), cutoff=filter_, lift=lift)
+        named["repair"] = how if repair else None
         if one:
             robots = {"": chosen[0].robot} if loaded is not None else {}
             report = checked_file(
@@ -147,6 +171,8 @@ def check(
             console.print(verdict(report), highlight=False, soft_wrap=True)
             console.print(str(report), highlight=False, soft_wrap=True)
             write_json(json_, ranking)
+            if out is not None:
+                print_path(console, "motion", out)
             write_outputs(
                 console, ("page", html, report.export), ("report", save, report.save), ("plot", plot, partial(draw, report)),
                 ("video", video, report.video),
@@ -158,6 +184,8 @@ def check(
             write_json(json_, ranking)
             if html is not None and ranking.checked:
                 print_path(console, "page", checks.export(html))
+            if out is not None and ranking.checked:
+                print_path(console, "motions", out)
             if store is not None:
                 print_path(console, "store", store)
             if checks.left:
@@ -241,6 +269,8 @@ class Ranking:
             for file, x in self.ranked:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
                 possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
+                if "before" in x:
+                    possible = f"{100.0 * x['before']['possible']:.1f} -> {possible}"
                 table.add_row(
                     names[file], str(x["frames"]), f"{x['duration_s']:.2f}", f"{x['score']:.1f}",
                     *(f"{100.0 * x[figure]:.0f} %" for figure in FIGURES), possible,
@@ -283,9 +313,14 @@ def _check_outputs(
     plot: Path | None,
     video: Path | None,
     show: bool,
+    out: Path | None,
+    kind: str,
 ) -> None:
+    from rbd.motion.motion_writing import ENDINGS
+
     if len(files) == 1:
         outputs = {"--html": (html, PAGES), "--json": (json_, ()), "--save": (save, TRAJECTORIES), "--plot": (plot, PICTURES)}
+        outputs["--out"] = (out, ENDINGS[kind])
         check_outputs({**outputs, "--video": (video, VIDEOS)}, reads=str(files[0].path))
         return
     given_one = {"--save": save, "--plot": plot, "--video": video, "--show": show or None}
@@ -294,17 +329,44 @@ def _check_outputs(
             raise InputError(f"{option} is for one motion; {len(files)} were given.")
     for file in files:
         check_outputs({"--json": (json_, ())}, reads=str(file.path))
-    if html is not None and html.suffix.lower() not in PAGES:
-        try:
-            html.mkdir(parents=True, exist_ok=True)
-        except FileExistsError:
-            pass
-        except OSError as error:
-            raise InputError(f"--html: the folder {str(html)!r:.300} cannot be made: {error.strerror}.") from None
-    if html is not None and html.exists() and not html.is_dir():
-        raise InputError(f"--html is {str(html)!r:.300}, a file; of {len(files)} motions expected a folder for their pages.")
-    if html is not None and html.suffix.lower() in PAGES:
-        raise InputError(f"--html is {str(html)!r:.300}; of {len(files)} motions expected a folder for their pages.")
+    for option, folder, endings in (("--html", html, PAGES), ("--out", out, (".csv", ".npz", ".pkl"))):
+        if folder is None:
+            continue
+        if folder.suffix.lower() in endings or (folder.exists() and not folder.is_dir()):
+            raise InputError(f"{option} is {str(folder)!r:.300}; of {len(files)} motions expected a folder.")
+        _make(option, folder)
+
+
+def _make(option: str, folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{option}: the folder {str(folder)!r:.300} cannot be made: {error.strerror}.") from None
+
+
+def _places(files: Sequence[MotionFile], out: Path | None, kind: str) -> dict[str, str]:
+    """{motion: where it is written once it is repaired}; in folders as those of several files.
+
+    Raises:
+        InputError: two motions in one place, or one in place of a file that is read.
+    """
+    from rbd.motion.motion_writing import ENDINGS
+    from rbd.studies.motion_checks import short_names
+
+    if out is None or len(files) == 1:
+        return {} if out is None else {str(files[0]): str(out)}
+    names, taken = short_names([str(file.path) for file in files]), {os.path.realpath(file.path) for file in files}
+    found = dict[str, str]()
+    for file in files:
+        place = out / Path(names[str(file.path)]).with_suffix("")
+        name = re.sub(r"[^\w.-]+", "_", file.name) if file.name else place.name
+        folder = place if file.name else place.parent
+        found[str(file)] = written = str(folder / f"{name}{ENDINGS[kind][-1]}")
+        if os.path.realpath(written) in taken:
+            raise InputError(f"--out: {written!r:.300} is read, or of two motions. Give another folder, or fewer motions.")
+        taken.add(os.path.realpath(written))
+        _make("--out", folder)
+    return found
 
 
 def draw(report: MotionReport, path: Path) -> Path:

@@ -501,10 +501,11 @@ class MotionReport(Displayed):
         m, before = self.motion, self.before
         share = _beside(100 * self.share_possible, None if before is None else 100 * before.share_possible)
         score = _beside(self.score, None if before is None else before.score)
+        shares = [(x, 100.0 * self._without(x), None if before is None else 100.0 * before._without(x)) for x in FIGURES]  # noqa: SLF001
         lines = [
             f"{m.source}: {m.n} frames of {m.robot.name}, {m.duration:.2f} s at {m.rate:.4g} Hz",
             f"  possible   {share} % of the frames, score {score} of 100",
-            f"  {', '.join(f'{x} {100.0 * self._without(x):.1f}' for x in FIGURES)} % of the frames without a fault",
+            f"  {', '.join(f'{name} {_beside(now, was)}' for name, now, was in shares)} % of the frames without a fault",
             f"  feet, medians: {self.feet_faults}",
             "  possible if points up to " + ", ".join(f"{1e3 * h:g}" for h in HEIGHTS) + " mm touched: "
             + ", ".join(f"{100.0 * x:.1f}" for x in self.possible_at.values()) + " %",

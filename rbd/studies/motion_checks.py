@@ -39,6 +39,7 @@ def check_motions(
     between: tuple[float | None, float | None] = (None, None),
     cutoff: float | None = None,
     lift: bool = False,
+    repair: Mapping[str, Any] | None = None,
     workers: int | None = None,
     out: str | os.PathLike[str] | None = None,
     progress: bool = True,
@@ -53,6 +54,8 @@ def check_motions(
         between: From when to when each is checked [s].
         cutoff: Check each without what is faster than this [Hz].
         lift: Check each put onto the floor; for a floor that is given.
+        repair: Repair each and check it again: arguments of `MotionReport.repaired`, {} for the usual ones, with `out`,
+            {file: where the repaired motion is written}, and `kind`, of that file.
         workers: How many processes; None: one a core, 0: this one.
         out: A path that ends in .zarr: what is finished stays there, and the same call goes on with what is missing.
         progress: Whether a bar is drawn on a terminal.
@@ -78,6 +81,7 @@ def check_motions(
         1 file was not checked: gone.npz
     """
     check_kind("reading", reading, Mapping | None, "arguments of rbd.Motion.read by name: {'rate': 60}")
+    check_kind("repair", repair, Mapping | None, "arguments of MotionReport.repaired by name: {'slower': 1.5}")
     check_flag("lift", lift)
     listed = list_motions(files, robot)
     robots = {id(file.robot): file.robot for file in listed if file.robot is not None}
@@ -89,8 +93,9 @@ def check_motions(
     }
     known = {names[key]: each for key, each in robots.items()}
     function = partial(
-        checked_file, robots=known, reading=dict(reading or {}), settings=settings, between=between, cutoff=cutoff, lift=lift
-    )
+        checked_file, robots=known, reading=dict(reading or {}), settings=settings, between=between, cutoff=cutoff, lift=lift,
+        repair=repair,
+    )  # fmt: skip
     keep: list[Any] = [*kept_names(MotionReport), {"numbers": _numbers}]
     return MotionChecks(study(function, table(columns), keep=keep, executor=workers, out=out, progress=progress), function)
 
@@ -106,6 +111,7 @@ def checked_file(
     between: tuple[float | None, float | None] = (None, None),
     cutoff: float | None = None,
     lift: bool = False,
+    repair: Mapping[str, Any] | None = None,
     progress: bool = False,
 ) -> MotionReport:
     """The report on one motion.
@@ -120,6 +126,7 @@ def checked_file(
         between: From when to when [s].
         cutoff: Check it again without what is faster than this [Hz].
         lift: Check it again, put onto the floor.
+        repair: Repair it, and check it again; as of `check_motions`.
         progress: Show a bar while it is read and checked.
 
     Raises:
@@ -131,7 +138,16 @@ def checked_file(
     report = check_motion(found, progress=progress, **settings)
     if cutoff is not None:
         report = report.filtered(cutoff)
-    return report.lifted() if lift else report
+    if lift:
+        report = report.lifted()
+    if repair is None:
+        return report
+    how = {"out": {}, "kind": "motion", **repair}
+    out, kind = how.pop("out").get(str(MotionFile(Path(file), None, motion))), how.pop("kind")
+    report = report.checked_again(report.repaired(progress=progress, **how))
+    if out is not None:
+        report.motion.save(out, kind=kind, forces=None if str(out).lower().endswith(".csv") else report.forces)
+    return report
 
 
 def short_names(files: Sequence[str]) -> dict[str, str]:

@@ -140,6 +140,23 @@ def test_contacts_that_never_touch_are_left_out(report):
     assert len(every.lanes.contacts) > 2 and set(shown_motion(every).points) == {c.name for c in report.lanes.contacts}
 
 
+def test_a_report_shows_the_motion_before_it(report):
+    """As a ghost on the same floor, with lanes of its contacts and how far this one is from it; at its times, where slower."""
+    m = report.motion
+    turned = m.q.copy()
+    turned[:, 7:] += 0.01
+    slow = rbd.Motion.of_arrays(m.robot, 2.0 * m.t, turned, 0.0 * m.v, 0.0 * m.a, ground=-0.1)
+    shown = shown_motion(report.checked_again(slow.lifted(0.02)))
+    assert np.array_equal(shown.defaults["ghost"].t, slow.t) and np.array_equal(shown.defaults["ghost"].q, m.q)
+    assert set(shown.modes["left_sole, before"][: UP - 1]) == {"sticks"} and shown.modes["left_sole, before"][-1] == "open"
+    joints, base, _ = next(c for c in shown.charts(True) if c.name == "deviation").lines
+    assert joints.values == pytest.approx(10.0) and base.values == pytest.approx(20.0)  # [mrad], [mm]
+    other = shown_motion(report.checked_again(m.cut(0.0, 0.5)))  # not the same frames
+    assert other.defaults["ghost"] is None and "left_sole, before" not in other.modes
+    with pytest.raises(rbd.InputError, match="deviation"):
+        other.charts(["deviation"])
+
+
 def test_a_browser_draws_the_curves(page, tmp_path, browser):
     """The panel is on the right side of a wide window: text and curves there, which a page without them has not."""
     from matplotlib.image import imread

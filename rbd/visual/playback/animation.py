@@ -174,8 +174,9 @@ def export_motion(
     f follows the robot, c folds the charts. `x.html#t=0.5` opens at 0.5 s.
 
     Of a report the wrench that is missing is drawn too, as a force at the centre of mass and as a moment over 0.3 m, and there
-    is a lane for each cause, with a mark at its worst frame. A planar chain is upright in W, its x to the right and its y up,
-    with the path of the end point behind it.
+    is a lane for each cause, with a mark at its worst frame. Where it has a report `before`, of the same frames, as that of a
+    repaired motion, this one's motion is the ghost, on the same floor and at the same pace, with lanes of its contacts. A
+    planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
 
     Args:
         motion: What `rbd.simulate` or `rbd.check_motion` returned, an `rbd.Motion`, which has no forces, or a motion of a
@@ -193,7 +194,7 @@ def export_motion(
         beside_external: The external forces of `beside`.
         charts: Whether to draw the charts that there are numbers for; or the names of some: "forces", "torques",
             "centre of pressure", "energy", "residuals"; "angles", "speeds", "height", which an `rbd.Motion` has too; of a
-            report "missing wrench" and "friction".
+            report "missing wrench", "deviation" (from the motion before) and "friction".
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass; by default of all but reports.
         footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.

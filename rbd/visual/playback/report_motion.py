@@ -1,15 +1,18 @@
-"""A report on a motion, as it is shown: contact forces, the missing wrench, causes over time, and its charts."""
+"""A report on a motion, as it is shown: contact forces, the missing wrench, causes over time, its charts, and its reference."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.motion.causes import CAUSES
+from rbd.motion.contact_timeline import ContactTimeline
+from rbd.motion.difference import MotionDifference
+from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
 from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, chart, most_used
@@ -17,7 +20,7 @@ from rbd.visual.playback.motion_frames import MOST_NUMBERS, body_poses
 from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import OF_POSES, Maker, chosen_charts, makers_of
 from rbd.visual.robot_meshes import drawable
-from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
+from rbd.visual.style import COM_COLOR, CONTACT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
 
 MOMENT_ARM = 0.3
 """A missing moment is drawn as the force that has it at this distance [m], as the report weighs it."""
@@ -28,17 +31,20 @@ _YES = "yes"
 
 
 def report_charts(report: MotionReport, choice: Choice = True) -> list[CurveChart]:
-    """The charts of a report: the missing wrench, torques, friction, centre of pressure; or those that are named.
+    """The charts of a report: the missing wrench, deviation, torques, friction, centre of pressure; or those that are named.
 
     Args:
         report: The report.
-        choice: True: all that there are numbers for; or names: "missing wrench", "torques", "friction", "centre of pressure",
-            and "angles", "speeds", "height" of the motion.
+        choice: True: all that there are numbers for; or names: "missing wrench", "deviation", "torques", "friction", "centre of
+            pressure", and "angles", "speeds", "height" of the motion.
 
     Raises:
         InputError: an unknown name, or one that there are no numbers for.
     """
-    own = {"missing wrench": _missing, "torques": _torques, "friction": _friction, "centre of pressure": _pressure}
+    own = {
+        "missing wrench": _missing, "deviation": _deviation, "torques": _torques, "friction": _friction,
+        "centre of pressure": _pressure,
+    }  # fmt: skip
     makers: dict[str, Maker] = {name: partial(make, report) for name, make in own.items()}
     poses = makers_of(report.motion)
     return chosen_charts(report.motion.robot.name, makers | {name: poses[name] for name in OF_POSES}, choice, tuple(own))
@@ -52,6 +58,28 @@ def _missing(report: MotionReport) -> CurveChart:
     ]
     scale = {"limits": {"threshold": threshold}, "least_top": 5.0 * threshold, "percentile": 98.0}
     return chart("missing wrench", "missing wrench, % of the weight", lines, **scale)  # type: ignore[arg-type]
+
+
+def _reference(report: MotionReport) -> Motion | None:
+    """The motion of the report before, at the times and on the floor of this one; None without one of the same frames."""
+    before, m = report.before, report.motion
+    if before is None or before.n != report.n or not m.robot.is_like(before.motion.robot):
+        return None
+    q = before.motion.q.copy()
+    q[:, 2] += report.lanes.ground - before.lanes.ground
+    return replace(before.motion, t=m.t, q=q)
+
+
+def _deviation(report: MotionReport) -> CurveChart | None:
+    if (reference := _reference(report)) is None:
+        return None
+    off = MotionDifference.of(report.motion, reference)
+    lines = [
+        CurveLine("joints, rms", CONTACT_COLORS[0], 1e3 * np.sqrt(np.square(off.joints).mean(axis=1))),
+        CurveLine("base", CONTACT_COLORS[1], 1e3 * np.linalg.norm(off.base, axis=1)),
+        CurveLine("centre of mass", COM_COLOR, 1e3 * np.linalg.norm(off.com, axis=1)),
+    ]
+    return chart("deviation", "distance from the reference: base, centre of mass, mm; joints, mrad", lines, least_top=1.0)
 
 
 def _torques(report: MotionReport) -> CurveChart | None:
@@ -100,20 +128,26 @@ class WorstFrame(Event):
 
 
 def shown_report(report: MotionReport) -> ShownMotion:
-    """A report as a motion that can be shown; heights are those above the floor, contacts those that ever touch."""
-    motion, lanes = report.motion, report.lanes
+    """A report as a motion that can be shown; heights are those above the floor, contacts those that ever touch.
+
+    Beside one with a report before, of the same frames: its motion as a ghost, and lanes of its contacts.
+    """
+    motion, lanes, reference = report.motion, report.lanes, _reference(report)
     q, places = np.array(motion.q), lanes.places - [0.0, 0.0, lanes.ground]
     q[:, 2] -= lanes.ground
     points, forces, modes = {}, {}, {}
     events: list[Event] = []
     for name, g in _places(report).items():
-        own = lanes.points.group == g
-        on, slips = (np.asarray(each[:, own].any(axis=1)) for each in (lanes.touches, lanes.slides))
-        points[name], forces[name] = places[:, own], report.forces[:, own]
-        modes[name] = np.where(slips, SLIPS, np.where(on, STICKS, OPEN)).tolist()
+        own, on = lanes.points.group == g, lanes.of_contact(name)
+        points[name], forces[name], modes[name] = places[:, own], report.forces[:, own], _modes(lanes, name)
         for i in (np.flatnonzero(np.diff(on)) + 1).tolist():
             corner = int(lanes.touches[i if on[i] else i - 1, own].argmax())
             events.append(Event(float(motion.t[i]), name, "touches" if on[i] else "leaves", corner))
+    names = dict[str, str]()
+    if report.before is not None and reference is not None:
+        names = {name: f"{name}, before" for name in _places(report.before)}
+        modes |= {words: _modes(report.before.lanes, name) for name, words in names.items()}
+    colors = contact_colors(dict.fromkeys([*points, *names]))
     for cause in CAUSES:
         if (found := report.of_cause(cause)).any():
             modes[cause] = np.where(found, _YES, OPEN).tolist()
@@ -135,12 +169,19 @@ def shown_report(report: MotionReport) -> ShownMotion:
         forces,
         modes,
         tuple(events),
-        lanes=cause_colors(),
+        lanes={words: colors[name] for name, words in names.items()} | dict(cause_colors()),
         pushes=pushes,
         down=lanes.ground,
         charts=partial(report_charts, report),
-        defaults={"trace": False, "fps": _fps(report), "start": float(motion.t[worst])},
+        defaults={"trace": False, "fps": _fps(report), "start": float(motion.t[worst]), "ghost": reference},
     )
+
+
+def _modes(lanes: ContactTimeline, name: str) -> list[str]:
+    """Whether a contact sticks, slips or is open, at each frame."""
+    own = lanes.points.group == [c.name for c in lanes.contacts].index(name)
+    on, slips = (each[:, own].any(axis=1) for each in (lanes.touches, lanes.slides))
+    return np.where(slips, SLIPS, np.where(on, STICKS, OPEN)).tolist()
 
 
 def headline_of(report: MotionReport) -> str:

@@ -200,7 +200,7 @@ class Player {
       const lane = make("div", "lane named", lanes);
       lane.title = name;
       where.set(0 + name, { lane, color });
-      for (const [from, to] of stretches) fill(lane, "", color, from, to);
+      for (const [from, to, code] of stretches) fill(lane, this.motion.words[code], color, from, to);
       make("span", "", lane, name);
     }
     const told = this.reels.flatMap(({ motion }, i) => motion.events.map((event) => ({ event, key: i + event.name })));
