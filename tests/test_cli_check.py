@@ -135,7 +135,7 @@ def test_lifted_and_filtered_motions_stand_beside_the_first(folder, tmp_path):
         (("stands.csv", "hangs.csv", "--json", "hangs.csv"), "one file"),
         (("stands.csv", "--out", "x.npz"), "--out is of the repaired motion; expected --repair"),
         (("stands.csv", "--slower", "2"), "--slower is of the repaired motion; expected --repair"),
-        (("stands.csv", "--repair", "--slower", "0.5"), "--slower is 0.5"),
+        (("stands.csv", "--repair", "--slower", "0"), "--slower is 0"),
         (("stands.csv", "--repair", "--keep", "nose"), "nose"),
         (("stands.csv", "--repair", "--kind", "bvh"), "--kind is 'bvh'"),
         (("stands.csv", "--repair", "--kind", "gmr", "--out", "x.csv"), "--out is 'x.csv'"),

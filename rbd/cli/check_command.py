@@ -144,7 +144,10 @@ def check(
                 raise InputError(f"{option} is of the repaired motion; expected --repair beside it.")
         check_choice("kind", kind := kind or "motion", tuple(ENDINGS))
         _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, video=video, show=show, out=out, kind=kind)
-        how = {"slower": slower or 1.0, "keep": names_of("--keep", keep) or [], "out": _places(chosen, out, kind), "kind": kind}
+        how = {
+            "slower": 1.0 if slower is None else slower, "keep": names_of("--keep", keep) or [],
+            "out": _places(chosen, out, kind), "kind": kind,
+        }  # fmt: skip
         # What Motion.read and check_motion refuse, they refuse by the names of these options.
         reading = {
             "rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints), "trust": trust,
