@@ -175,8 +175,8 @@ def test_a_store_is_gone_on_with(folder, tmp_path):
 
 
 def tilted(path: Path, g1) -> Path:
-    """G1 stands for a second with all of it pitched by 4 degrees: the toes are low, the heels 15 mm up."""
-    q = np.tile(g1.standing().q, (N, 1))
+    """G1 stands for half a second with all of it pitched by 4 degrees: the toes are low, the heels 15 mm up."""
+    q = np.tile(g1.standing().q, (N // 2, 1))
     q[:, 3:7] = 0.0, np.sin(0.035), 0.0, np.cos(0.035)
     path.parent.mkdir(exist_ok=True)
     np.savetxt(path, q, delimiter=",", fmt="%.6f")
@@ -194,7 +194,7 @@ def test_a_repaired_motion_is_shown_beside_what_it_was_and_written(g1, tmp_path)
     assert numbers["possible"] == 1.0 and numbers["before"]["possible"] == 0.0
     assert numbers["duration_s"] == pytest.approx(1.5 * numbers["before"]["duration_s"])
     new = rbd.Motion.read(tmp_path / "x.pkl", robot=g1)
-    assert new.n == N and rbd.check_motion(new, self_collision=False).share_possible > 0.9  # v and a from its q
+    assert new.n == N // 2 and rbd.check_motion(new, self_collision=False).share_possible > 0.9  # v and a from its q
     text = page.read_text(encoding="utf-8")
     assert all(words in text for words in ("(translucent)", "left_sole, before", "distance from the reference"))
 
