@@ -109,15 +109,14 @@ class Normal:
         from scipy.linalg import solveh_banded
 
         n, nv = self.g.shape
-        band = np.zeros((3 * nv, n, nv))
-        r, c = np.indices((nv, nv)).reshape(2, -1)
-        for i, block in enumerate(self.H):
-            lower = r >= c if i == 0 else np.ones_like(r, bool)
-            band[i * nv + (r - c)[lower], : n - i, c[lower]] = block[:, r[lower], c[lower]].T
-        band[0] += DAMPING
-        return np.asarray(
-            solveh_banded(band.reshape(3 * nv, n * nv), self.g.ravel(), lower=True, overwrite_ab=True, check_finite=False)
-        ).reshape(n, nv)
+        band = np.zeros((n, nv, 3 * nv))  # of each column what is below its diagonal, in the order that LAPACK wants
+        for c in range(nv):
+            band[:, c, : nv - c] = self.H[0][:, c, c:]
+            for i in (1, 2):
+                band[: n - i, c, i * nv - c : (i + 1) * nv - c] = self.H[i][:, :, c]
+        band[:, :, 0] += DAMPING
+        flat = band.reshape(n * nv, 3 * nv).T
+        return np.asarray(solveh_banded(flat, self.g.ravel(), lower=True, overwrite_ab=True, check_finite=False)).reshape(n, nv)
 
 
 @dataclass(frozen=True, eq=False)
