@@ -274,6 +274,7 @@ def reference_motions() -> Iterator[object]:
     yield rbd.motion.MotionDifference.of(derived, derived)
     yield rbd.motion.list_motions("dance.csv", box)
     yield rbd.studies.check_motions("dance.csv", robot=box, workers=0)
+    yield rbd.motion.find_timing(made, contacts=report.lanes)
     assert str(report)
     yield from (made, derived, derived.derivation, report, report.lanes)
     yield from (report.settings, report.collisions, report.lanes.points, report.feet_faults)

@@ -46,6 +46,7 @@ from rbd.visual import (
     plot_ranges,
     plot_region,
     plot_report,
+    plot_timing,
     plot_split,
     plot_sticks,
     plot_study,
@@ -1326,6 +1327,12 @@ def use_checks(files: Any, **given: Any) -> Any:
     return [float(found.dataset[name][0]) for name in ("score", "missing_median")]
 
 
+ARM = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0]).with_motors({"joint_1": rbd.Motor(limit=8.0)})
+SWING = rbd.motion.minimum_jerk(ARM, [np.array([-1.5]), np.array([0.0])], [0.0, 0.6])
+TIMED = {"motion": SWING, "contacts": None, "fastest": 1.5, "start": 1.0, "end": 1.0, "friction": 0.7, "torque_limits": True}
+TIMED |= {"speed_limits": True, "threshold": 0.02}
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -1339,6 +1346,13 @@ CASES |= {
         {"files": [SWAY_FILE], "robot": BOLT, "reading": {"rate": 20.0}, "between": (0.0, 1.0), "cutoff": 5.0, "lift": False}
         | {"workers": 0},
         5,
+    ),
+    "motion.find_timing": Case(
+        lambda **given: [(x := rbd.motion.find_timing(**given)).s, x.t, x.pace, x.rise], TIMED, 20
+    ),
+    "motion.retimed": Case(lambda **given: use_motion(rbd.motion.retimed(**given)), TIMED, 20),
+    "visual.plot_timing": Case(
+        lambda **given: use_plots(plot_timing, **given), {"ax": Figure().subplots(), "timing": rbd.motion.find_timing(**TIMED)}, 10
     ),
     "MotionReport.repaired": Case(
         lambda **given: use_motion(SWAY_REPORT.repaired(**given)), {"slower": 1.5, "keep": ["FL_FOOT"], "progress": False}, 10
@@ -1371,6 +1385,7 @@ MADE_BY_RBD = {
     "Derivation",
     "ContactTimeline",
     "MotionReport",
+    "Timing",
     "Answer",
     "Trajectory",
     "AcceptedStep",

@@ -8,7 +8,7 @@ The moment is bilinear in c and f. About a plan (c0, F0) that is known, F = sum 
 
 to second order; `CentroidProgram.solve` is called again from its own answer until the two agree. Where stances may shift, by d,
 their force f0 of the plan before turns with them: d x f0. Forces between the times are means of those at the times, so in their
-cones. [Wensing2023], [Winkler2018] treat the same equations; SI units, world axes, z up.
+cones. The centroid first, whole-body poses second, is the division of [Dai2014]. SI units, world axes, z up.
 """
 
 from __future__ import annotations
