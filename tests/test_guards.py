@@ -46,10 +46,10 @@ from rbd.visual import (
     plot_ranges,
     plot_region,
     plot_report,
-    plot_timing,
     plot_split,
     plot_sticks,
     plot_study,
+    plot_timing,
     plot_wrench_cone,
     replay,
     scenes_beside,
@@ -1352,7 +1352,9 @@ CASES |= {
     ),
     "motion.retimed": Case(lambda **given: use_motion(rbd.motion.retimed(**given)), TIMED, 20),
     "visual.plot_timing": Case(
-        lambda **given: use_plots(plot_timing, **given), {"ax": Figure().subplots(), "timing": rbd.motion.find_timing(**TIMED)}, 10
+        lambda **given: use_plots(plot_timing, **given),
+        {"ax": Figure().subplots(), "timing": rbd.motion.find_timing(**TIMED)},
+        10,
     ),
     "MotionReport.repaired": Case(
         lambda **given: use_motion(SWAY_REPORT.repaired(**given)), {"slower": 1.5, "keep": ["FL_FOOT"], "progress": False}, 10

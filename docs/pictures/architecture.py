@@ -22,7 +22,7 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
     [("solution", "answer and proof"), ("least_constraint", "solve"), ("many", "solve_many")],
     [
-        ("statics", "hold, least effort"),
+        ("statics, centroid", "hold, least effort,\nmotions of the centroid"),
         ("mechanism", "assemble, trace,\nmobility"),
         ("control", "inverse dynamics,\ncontrollers"),
     ],
