@@ -235,7 +235,7 @@ def repaired(
         Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances_of(on, feet)), level,
         FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
         np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
-        (bool(t[0] < motion.t[0]), bool(t[-1] > motion.t[-1] + 0.5 * dt)),
+        (bool(t[0] < motion.t[0] and on[0].any()), bool(t[-1] > motion.t[-1] + 0.5 * dt and on[-1].any())),
     )  # fmt: skip
     t = motion.t[0] + slower * (t - motion.t[0])
     found = replace(course.solved(done), contacts=tuple(contacts), floor=lanes.ground, start=float(t[0]))
