@@ -29,6 +29,10 @@ STOPPED = 1e-5
 class CentroidCosts:
     """What a unit of cost is: sizes of deviations that matter equally.
 
+    Example:
+        >>> rbd.centroid.CentroidCosts(com=0.02).force_rate
+        5.0
+
     Attributes:
         com: Of the centre of mass from the reference [m].
         momentum: Of the rate of angular momentum from the reference, over the weight [m].
@@ -50,7 +54,15 @@ class CentroidCosts:
 
 @dataclass(frozen=True, eq=False)
 class CentroidPlan:
-    """A motion of the centroid in n times with forces at k points.
+    """A motion of the centroid in n times with forces at k points, of `CentroidProgram.solve`.
+
+    Example:
+        >>> still = np.tile([0.02, 0.0, 0.5], (30, 1))
+        >>> sole = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.05, 0.05)])
+        >>> points, on, down = np.tile(sole, (30, 1, 1)), np.ones((30, 4), bool), np.array([0.0, 0.0, -9.81])
+        >>> plan = rbd.centroid.CentroidProgram(1 / 60, 35.0, down, points, on, 0.6, still, np.zeros((30, 3))).solve()
+        >>> plan.status, plan.forces.sum(axis=1)[15].round(0) + 0.0
+        ('Solved', array([  0.,   0., 343.]))
 
     Attributes:
         com: Centre of mass, shape (n, 3) [m].
@@ -73,6 +85,17 @@ class CentroidPlan:
 @dataclass(frozen=True, eq=False)
 class CentroidProgram:
     """The nearest motion of the centroid to a reference that contacts can bring about.
+
+    Example:
+        >>> out = np.tile([0.15, 0.0, 0.5], (30, 1))
+        >>> sole = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.05, 0.05)])
+        >>> points, on, down = np.tile(sole, (30, 1, 1)), np.ones((30, 4), bool), np.array([0.0, 0.0, -9.81])
+        >>> still = np.zeros((30, 3))
+        >>> program = rbd.centroid.CentroidProgram(1 / 60, 35.0, down, points, on, 0.6, out, still, rests=(True, True))
+        >>> plan = program.solve()  # 5 cm beyond the edge it could not rest
+        >>> plan = program.solve(plan)
+        >>> bool(plan.com[0, 0] < 0.11), bool(plan.residual < 0.01)
+        (True, True)
 
     Attributes:
         dt: Time between two of the n times [s].

@@ -10,6 +10,7 @@ import hashlib
 import io
 import json
 import os
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -135,14 +136,16 @@ def npy_array(path: Path, objects: Callable[[bytes], Any]) -> Any:
 
 def _held(file: IO[bytes], objects: Callable[[bytes], Any] | None) -> Any:
     """What an .npy holds. NumPy reads it piece by piece: what is not there takes no memory."""
-    if objects is None:
-        return npy.read_array(file, allow_pickle=False)
-    whole = io.BytesIO(file.read())
-    header = npy.read_array_header_1_0 if npy.read_magic(whole) == (1, 0) else npy.read_array_header_2_0
-    if header(whole)[2].hasobject:
-        return objects(whole.read())
-    whole.seek(0)
-    return npy.read_array(whole, allow_pickle=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of headers that Python 2 wrote
+        if objects is None:
+            return npy.read_array(file, allow_pickle=False)
+        whole = io.BytesIO(file.read())
+        header = npy.read_array_header_1_0 if npy.read_magic(whole) == (1, 0) else npy.read_array_header_2_0
+        if header(whole)[2].hasobject:
+            return objects(whole.read())
+        whole.seek(0)
+        return npy.read_array(whole, allow_pickle=False)
 
 
 def _members(data: bytes, kinds: str, objects: Callable[[bytes], Any] | None = None) -> dict[str, Any]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidPlan, CentroidProgram
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
@@ -91,7 +90,7 @@ class Course:
             out.append((middle + INNER * (corners - middle)) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
         return np.concatenate(out, axis=1)
 
-    @cached_property
+    @lazy
     def group(self) -> Array:
         """Which foot each of these points belongs to, shape (k,)."""
         return np.repeat(np.arange(len(self.feet.corners)), [len(c) for c in self.feet.corners])
