@@ -248,6 +248,14 @@ def cross_matrix(p: Array) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+_CROSS = np.array([cross_matrix(e) for e in np.eye(3)])
+
+
+def cross_matrices(x: Array) -> Array:
+    """The matrices of the products with vectors, shapes (..., 3, 3) and (..., 3)."""
+    return np.einsum("...k,kij", x, _CROSS)
+
+
 def cross_rows(a: Array, b: Array) -> Array:
     """Products a x b of the rows, shape (k, 3): for small arrays NumPy's takes five times as long."""
     (x, y, z), (u, v, w) = a.T, b.T

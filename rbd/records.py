@@ -146,6 +146,22 @@ def key(name: str) -> str:
     return re.sub(r"\W", "_", name)
 
 
+RANKED_FILES = (
+    Field(
+        "motions", (), "", "numbers of each motion, best first",
+        lambda found: [{"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(found.ranked)],
+    ),
+    Field(
+        "failed", (), "", "files that were not checked",
+        lambda found: [
+            {"file": file, "error": message, "reason": reason, "reason_code": reason.code}
+            for file, (reason, message) in found.failed.items()
+        ],
+    ),
+)  # fmt: skip
+"""Of what ranks files: a record with `ranked`, [(file, its numbers)], and `failed`, {file: (reason, message)}."""
+
+
 @cache
 def fields_of(kind: type) -> tuple[Field, ...]:
     """The table of a class: its own, else its fields or public attributes with what its docstring says of them."""

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, each_times
+from rbd.arrays import Array, cross_matrices, each_times
 from rbd.errors import NoSolution
 
 STOPPED = 1e-5
@@ -139,9 +139,9 @@ class CentroidProgram:
         E, S = len(k), self.stances
         force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts
         com = self.com if about is None else about.com
-        cross = _crosses((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
+        cross = cross_matrices((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
         total = (self._acceleration(com) - self.gravity) * self.mass / unit
-        turned = _crosses(total)
+        turned = cross_matrices(total)
 
         A, b = _Rows(), np.concatenate([np.tile(self.gravity * self.mass / unit, n), -each_times(turned, com).ravel()])
         xyz = np.arange(3)
@@ -155,7 +155,7 @@ class CentroidProgram:
         if S and about is not None:
             s, moved = self._stance()[k, i], about.forces[k, i] / unit
             on = s >= 0
-            turns = _crosses(moved[on])[:, :, :2]
+            turns = cross_matrices(moved[on])[:, :, :2]
             A.block(3 * n + 3 * k[on], shift + 2 * s[on], turns)
             np.add.at(b[3 * n :].reshape(n, 3), k[on], each_times(turns, about.shifts[s[on]]))
         at_rest = np.array([k for k, rests in zip((0, 1, n - 2, n - 3), np.repeat(self.rests, 2), strict=True) if rests], int)
@@ -178,11 +178,8 @@ class CentroidProgram:
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100
         settings.tol_gap_abs = settings.tol_gap_rel = 1e-5
-        for careful, settings.tol_feas in (
-            (False, 1e-6),
-            (True, 1e-7),
-        ):  # refinement takes half of the time
-            settings.iterative_refinement_enable = careful
+        for careful in (False, True):  # refinement takes half of the time
+            settings.iterative_refinement_enable, settings.tol_feas = careful, 1e-7 if careful else 1e-6
             found = clarabel.DefaultSolver(P, g, M, side, cones, settings).solve()
             x, status = np.asarray(found.x), str(found.status)
             if status == "Solved" and np.isfinite(x).all():
@@ -295,10 +292,3 @@ def _around(n: int) -> tuple[Array, Array, Array]:
     """The three times of the second difference at each time; those of its neighbour at the first and the last."""
     at = np.clip(np.arange(n), 1, max(n - 2, 1))
     return at - 1, at, at + 1
-
-
-def _crosses(p: Array) -> Array:
-    """Matrices of p x, shape (n, 3, 3)."""
-    out = np.zeros((len(p), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
-    return out - out.swapaxes(1, 2)

@@ -41,7 +41,7 @@ from rbd.cli.terminal import (
 from rbd.errors import InputError, Reason
 from rbd.errors.inputs import check_choice
 from rbd.installation import VERSION
-from rbd.records import Field, counted, joined
+from rbd.records import RANKED_FILES, Field, counted, joined
 
 if TYPE_CHECKING:
     from rbd.motion.many_files import MotionFile
@@ -89,7 +89,7 @@ def check(
     repair: Annotated[
         bool, typer.Option("--repair", help="Repair it over its whole length, and check that, beside what was given.")
     ] = False,
-    slower: Annotated[float | None, typer.Option(metavar="FACTOR", help="Repair: it takes so many times as long.")] = None,
+    slower: Annotated[float | None, typer.Option(metavar="FACTOR", help="Repair: 1.5 for half as long again.")] = None,
     keep: Annotated[str | None, typer.Option(metavar="A,B", help="Repair: frames whose poses stay, as those of hands.")] = None,
     out: Annotated[
         Path | None, typer.Option(help="Write what was repaired, .npz, .csv or .pkl; of several motions, into a folder.")
@@ -221,14 +221,8 @@ class Ranking:
         Field("rbd", (), "", "version", lambda found: VERSION),
         Field("exit_code", (), "", "exit code", lambda found: found.code),
         Field("together", (), "", "shares of the frames of all motions, of several"),
-        Field("motions", (), "", "numbers of each motion, best first", lambda found: [
-            {"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(found.ranked)
-        ]),
-        Field("failed", (), "", "files that were not checked", lambda found: [
-            {"file": file, "error": message, "reason": reason, "reason_code": reason.code}
-            for file, (reason, message) in found.failed.items()
-        ]),
-    )  # fmt: skip
+        *RANKED_FILES,
+    )
 
     def take(self, checks: MotionChecks, worded: Callable[[str], str]) -> None:
         """Take the motions of a data set, and what they are together.

@@ -113,6 +113,11 @@ def cubic_rate(t: Array, x: Array, rate: Array, times: Array) -> Array:
     return np.asarray(begin + s * (2.0 * (3.0 * slope - 2.0 * begin - end) + 3.0 * s * (begin + end - 2.0 * slope)))
 
 
+def minimum_jerk_way(s: Array) -> Array:
+    """10 s^3 - 15 s^4 + 6 s^5: from 0 to 1 with two derivatives zero at both ends [Flash1985]."""
+    return np.asarray(s**3 * (10.0 + s * (6.0 * s - 15.0)))
+
+
 def flat_coordinates(robot: CheckedModel, q: Array) -> Array:
     """Positions and continuous angles of configurations, shape (n, nv): those that v are rates of; zero for rotations in space.
 

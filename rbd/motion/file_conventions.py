@@ -157,7 +157,7 @@ def names_of_width(
 
 
 def looks_like(joints: int | Sequence[str]) -> str:
-    """Which robot so many joints, or joints of these names, are those of, in words; empty if none is known."""
+    """Which known robot has this number of joints, or joints of these names, in words; empty if none has."""
     known = {**FORMATS, **OTHERS}
     found = [
         what

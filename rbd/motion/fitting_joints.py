@@ -21,12 +21,12 @@ OFF = 3e-3
 FAR = 0.3
 """Beyond this in the mean no order helps: they are those of another robot [rad]."""
 CLEARLY = 4.0
-"""Another reading is named if it is so many times less beyond limits."""
+"""Another reading is named if joints are beyond their limits by this factor less."""
 LOOKED = 300
 """Pairs of frames in which the feet are looked at."""
 STILLER, REFUSED = 1.3, 2.5
-"""The feet stand so many times stiller with left and right exchanged: then it is said; then it is refused. Of seven clips, as
-they are, it is 0.02 to 0.45."""
+"""How many times stiller the feet stand with left and right exchanged where that is said, and where the file is refused. Of
+seven clips, as they are, it is 0.02 to 0.45."""
 CARRIES = np.array([0.01, 0.05])
 """The lower foot's step in a frame, and the spread of its height, beyond which the feet carry nothing and tell nothing [m]."""
 STILL, LEVEL = 1e-3, 1e-4
@@ -74,7 +74,7 @@ def check_joints(robot: CheckedModel, names: Sequence[str], x: Array, q: Array, 
 
 
 def _orders(robot: CheckedModel, width: int) -> dict[str, Sequence[str]]:
-    """{what it is: joints in order} that a file with so many columns can have."""
+    """{what it is: joints in order}, of the known robots whose files have this number of columns."""
     found = {"the robot's file": file_order(robot), "breadth-first search": breadth_first(robot), **formats(robot)}
     return {what: order for what, order in found.items() if len(order) == width}
 

@@ -23,6 +23,7 @@ from rbd.model.sampled_motion import (
     from_flat,
     interpolated_q,
     logarithm,
+    minimum_jerk_way,
     own_rates,
     product,
     quaternions,
@@ -481,7 +482,7 @@ def minimum_jerk(
     i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
     h = (t[i + 1] - t[i])[:, None]
     s = (at - t[i])[:, None] / h
-    way = s**3 * (10.0 + s * (6.0 * s - 15.0))
+    way = minimum_jerk_way(s)
     speed = 30.0 * (s * (1.0 - s)) ** 2 / h
     rise = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / h**2
     x, turns = flat_coordinates(robot, q), []

@@ -22,7 +22,7 @@ from rbd.motion.causes import CAUSES, FIGURES
 from rbd.motion.checking import check_motion
 from rbd.motion.many_files import MotionFile, Names, list_motions
 from rbd.motion.report import MotionReport
-from rbd.records import Field
+from rbd.records import RANKED_FILES, Field
 from rbd.studies.results import kept_names
 from rbd.studies.running import study
 from rbd.studies.tables import table
@@ -199,13 +199,7 @@ class MotionChecks(Displayed):
         Field("possible", (), "1", "share of the frames of all motions that are possible"),
         Field("figures", (), "1", "shares of the frames without a fault of balance, feet and motors"),
         Field("causes", (), "1", "{cause: share of the frames of all motions}"),
-        Field("motions", (), "", "numbers of each motion, best first", lambda found: [
-            {"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(found.ranked)
-        ]),
-        Field("failed", (), "", "files that were not checked", lambda found: [
-            {"file": file, "error": message, "reason": reason, "reason_code": reason.code}
-            for file, (reason, message) in found.failed.items()
-        ]),
+        *RANKED_FILES,
     )  # fmt: skip
 
     @lazy

@@ -24,7 +24,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, add_wrench, as_vector3, cross_matrix, cross_rows, lazy
+from rbd.arrays import Array, add_wrench, as_vector3, cross_matrices, cross_matrix, cross_rows, lazy
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import FARTHEST
@@ -175,12 +175,6 @@ _SERIES = (1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 13076743
 
 _SHIFT, _TURN, _FIRST = (np.kron([signs], np.eye(3)) for signs in ((-1, 0, 1, 0), (0, -1, 0, 1), (0, 1, 0, 0)))
 """v_2 - v_1, w_2 - w_1 and w_1 of the velocities of both ends."""
-_CROSS = np.array([cross_matrix(e) for e in np.eye(3)])
-
-
-def _crosses(x: Array) -> Array:
-    """The matrices of the products with vectors, shape (..., 3, 3)."""
-    return np.einsum("...k,kij", x, _CROSS)
 
 
 class Coordinates(Protocol):
@@ -305,8 +299,8 @@ class Pose:
     def change(self) -> Array:
         """Of the first place's axes, the lever arm, and the map from turns to rotation vectors."""
         R = self._R
-        linear = R.T @ (_crosses(self._shift.T) @ _FIRST - _crosses(_FIRST.T) @ _SHIFT)
-        angular = inverse_change(self._theta, _TURN.T @ R) @ self.D[3:] + self._inverse @ R.T @ _crosses(_TURN.T) @ _FIRST
+        linear = R.T @ (cross_matrices(self._shift.T) @ _FIRST - cross_matrices(_FIRST.T) @ _SHIFT)
+        angular = inverse_change(self._theta, _TURN.T @ R) @ self.D[3:] + self._inverse @ R.T @ cross_matrices(_TURN.T) @ _FIRST
         return np.concatenate([linear, angular], axis=1).transpose(1, 0, 2)
 
 
@@ -365,4 +359,4 @@ def inverse_change(theta: Array, m: Array) -> Array:
     c, dc = _coefficients(theta)
     T = cross_matrix(theta)
     squared = (m @ theta)[..., None, None] * np.eye(3) + theta[:, None] * m[..., None, :] - 2.0 * m[..., None] * theta
-    return np.asarray(0.5 * _crosses(m) + c * squared + 2.0 * dc * (m @ (T @ T).T)[..., None] * theta)
+    return np.asarray(0.5 * cross_matrices(m) + c * squared + 2.0 * dc * (m @ (T @ T).T)[..., None] * theta)

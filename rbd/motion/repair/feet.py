@@ -11,6 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import minimum_jerk_way
 from rbd.motion.contact_timeline import stretches
 from rbd.motion.frame_terms import placements
 
@@ -284,9 +285,8 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, 
 
 
 def blend(u: Array) -> Array:
-    """From 0 to 1 with two derivatives zero at both ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
+    """From 0 to 1 with two derivatives zero at both ends, and constant beyond them."""
+    return minimum_jerk_way(np.clip(u, 0.0, 1.0))
 
 
 def blurred(x: Array, sigma: float) -> Array:

@@ -6,14 +6,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.motion.contact_timeline import stretches
-from rbd.motion.frame_terms import placements
+from rbd.motion.difference import MotionDifference
 from rbd.motion.reference_motion import Motion
-from rbd.motion.repair.feet import rotation_vectors
-from rbd.motion.repair.repairing import Repaired
+from rbd.motion.repair.repairing import Course, Repaired
+from rbd.motion.repair.sweep import Sweep
 
 TOGETHER = 0.1
 """Times that are this near to each other are told as one [s]."""
@@ -41,12 +40,12 @@ def notes_of(
         f"repaired {before.source}: {possible.mean():.1%} of its frames are possible, {share:.1%} were.",
         f"{len(course.stances)} stances, moved along the floor by up to {1e3 * found.moved.max(initial=0.0):.0f} mm.",
     ]
-    raised = found.course.ground - found.floor
+    raised = course.raised
     if abs(raised) >= 5e-4:
         way = "raised" if raised > 0.0 else "lowered"
         out.append(f"the reference was {way} by {1e3 * abs(raised):.0f} mm to the floor at z = {course.ground:g} m.")
-    out.append(_far(found))
-    names = [c.name for c in found.contacts]
+    out.append(_far(course, found.sweep))
+    names = [c.name for c in course.contacts]
     runs: list[tuple[int, int]] = []
     for a, b in stretches(~possible):
         if runs and motion.t[a] - motion.t[runs[-1][1] - 1] < TOGETHER:
@@ -65,7 +64,7 @@ def reasons(found: Repaired, names: list[str], start: float, end: float) -> list
     """What stances ask of feet between two times that they cannot do, in words."""
     course, out = found.course, []
     feet, dt = course.feet, course.reference.dt
-    first, last = ((time - found.start) / dt for time in (start, end))
+    first, last = ((time - course.start) / dt for time in (start, end))
     for s in course.stances:
         if s.first > last or s.last < first:
             continue
@@ -82,18 +81,16 @@ def reasons(found: Repaired, names: list[str], start: float, end: float) -> list
     return out
 
 
-def _far(found: Repaired) -> str:
+def _far(course: Course, sweep: Sweep) -> str:
     """How far the poses are from the reference, in words."""
-    reference, sweep = found.course.reference, found.sweep
-    robot = reference.robot
-    off = np.array([pin.difference(robot.model, a, b) for a, b in zip(reference.q, sweep.q, strict=True)])
-    joints = off[:, robot.actuated]
-    worst = np.unravel_index(np.abs(joints).argmax(), joints.shape)
-    R, p = placements(robot, reference.q)
-    at, turn = sweep.p[:, 1] - p[:, 1], np.linalg.norm(rotation_vectors(sweep.R[:, 1].swapaxes(1, 2) @ R[:, 1]), axis=1)
-    unit = robot.motor_coordinates[worst[1]].unit
+    robot = sweep.robot
+    t = course.start + sweep.dt * np.arange(len(sweep.q))
+    reference, poses = (Motion(robot, t, q, sweep.v, sweep.a) for q in (course.reference.q, sweep.q))
+    off = MotionDifference.of(poses, reference)
+    largest = np.abs(off.joints).max(axis=0)
+    j = int(largest.argmax())
     return (
-        f"from the reference: joints {np.sqrt(np.square(joints).mean()):.3f} in the root mean square, "
-        f"{robot.actuated_names[worst[1]]} by up to {abs(joints[worst]):.2f} {unit}; the base by up to "
-        f"{1e3 * np.linalg.norm(at, axis=1).max():.0f} mm and {math.degrees(turn.max()):.0f} degrees."
+        f"from the reference: joints {off.joint_rms:.3f} in the root mean square, {off.names[j]} by up to {largest[j]:.2f} "
+        f"{robot.motor_coordinates[j].unit}; the base by up to {1e3 * np.linalg.norm(off.base, axis=1).max():.0f} mm and "
+        f"{math.degrees(off.turn.max()):.0f} degrees."
     )

@@ -154,7 +154,6 @@ class Reference:
     ) -> Reference:
         """That of a motion with its feet."""
         model, nv = robot.model, robot.nv
-        d = np.array([pin.difference(model, q[k], q[k + 1]) for k in range(len(q) - 1)])
         legs = carriers(robot)[feet.joint].any(axis=0)
         data = model.createData()
         pin.computeSubtreeMasses(model, data)
@@ -165,7 +164,7 @@ class Reference:
         low, high, index = np.full(nv, -np.inf), np.full(nv, np.inf), np.full(nv, -1)
         i, k = numbers_of(robot)
         low[k], high[k], index[k] = model.lowerPositionLimit[i] + LIMIT_ROOM, model.upperPositionLimit[i] - LIMIT_ROOM, i
-        a = blurred(rates(d, dt)[1], 0.02 / dt)
+        a = blurred(rates(robot, q, dt)[1], 0.02 / dt)
         out = q.copy()
         out[:, i] = np.clip(q[:, i], low[k], high[k])
         weight_a = 1.0 / np.where(trunk, TRUNK_ACCELERATION, ACCELERATION)

@@ -64,6 +64,9 @@ class Course:
         stride: Distances of the feet from each other where the robot stands, shape (F, F) [m].
         kept: Frames whose poses stay as they are.
         rests: Whether it stands at rest before, and after.
+        contacts: The feet, as contacts.
+        raised: How much higher it is than the reference that was given [m].
+        start: Time of the first pose [s].
     """
 
     reference: Reference
@@ -76,6 +79,9 @@ class Course:
     stride: Array
     kept: Feet | None
     rests: tuple[bool, bool]
+    contacts: tuple[Contact, ...]
+    raised: float
+    start: float
 
     def paths(self, shifts: Array | None = None) -> tuple[Array, Array, Array]:
         """(R, p, free) of the feet, where stances are shifted along the floor."""
@@ -174,18 +180,12 @@ class Repaired:
         sweep: The poses.
         foot_errors: By how far feet are off their paths, shape (n, F, 6) [m, rad].
         moved: How far stances are from where the reference's feet stand, shape (stances,) [m].
-        contacts: The feet.
-        floor: Height of the reference's floor [m].
-        start: Time of the first pose [s].
     """
 
     course: Course
     sweep: Sweep
     foot_errors: Array
     moved: Array
-    contacts: tuple[Contact, ...] = ()
-    floor: float = 0.0
-    start: float = 0.0
 
 
 def repaired(
@@ -235,9 +235,10 @@ def repaired(
         FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
         np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
         (bool(t[0] < motion.t[0] and on[0].any()), bool(t[-1] > motion.t[-1] + 0.5 * dt and on[-1].any())),
+        tuple(contacts), level - lanes.ground, motion.t[0] + slower * float(t[0] - motion.t[0]),
     )  # fmt: skip
     t = motion.t[0] + slower * (t - motion.t[0])
-    found = replace(course.solved(done), contacts=tuple(contacts), floor=lanes.ground, start=float(t[0]))
+    found = course.solved(done)
     return _made(motion, lanes, found, t, slower), found
 
 

@@ -69,8 +69,7 @@ class Sweep:
         pushes = pin.StdVec_Force([pin.Force.Zero()] * model.njoints)
         pushed = [pushes[j] for j in joints]
         given = np.zeros((n, len(pushed), 6)) if wrenches is None else wrenches
-        d = np.array([pin.difference(model, q[k], q[k + 1]) for k in range(n - 1)])
-        v, a = rates(d, dt)
+        v, a = rates(robot, q, dt)
         data = model.createData()
         every = rows_from([(X.rotation, X.translation) for X in data.oMi], 12)
         need, J, rows = np.empty((n, nv)), np.empty((n, 6, nv)), np.empty((n, *every.shape))
@@ -97,9 +96,10 @@ class Sweep:
         return about_base + np.cross(self.p[:, 1] - self.com, force)
 
 
-def rates(d: Array, dt: float) -> tuple[Array, Array]:
-    """(v, a) at n poses from the n - 1 steps between them; a of the ends is that of their neighbours."""
-    n = len(d) + 1
+def rates(robot: CheckedModel, q: Array, dt: float) -> tuple[Array, Array]:
+    """(v, a) at n poses from the steps between them; a of the ends is that of their neighbours."""
+    n = len(q)
+    d = np.array([pin.difference(robot.model, q[k], q[k + 1]) for k in range(n - 1)])
     at = np.clip(np.arange(n), 1, n - 2)
     a = (d[at] - d[at - 1]) / dt**2
     v = (d[at] + d[at - 1]) / (2.0 * dt)
