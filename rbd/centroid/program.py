@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, cross_matrices, each_times
+from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 
 STOPPED = 1e-5
@@ -26,7 +27,7 @@ STOPPED = 1e-5
 
 
 @dataclass(frozen=True)
-class CentroidCosts:
+class CentroidCosts(Displayed):
     """What a unit of cost is: sizes of deviations that matter equally.
 
     Example:
@@ -52,8 +53,8 @@ class CentroidCosts:
     shift: float = 0.04
 
 
-@dataclass(frozen=True, eq=False)
-class CentroidPlan:
+@dataclass(frozen=True, eq=False, repr=False)
+class CentroidPlan(Displayed):
     """A motion of the centroid in n times with forces at k points, of `CentroidProgram.solve`.
 
     Example:
@@ -81,9 +82,13 @@ class CentroidPlan:
     status: str
     residual: float
 
+    def __repr__(self) -> str:
+        n, k, _ = self.forces.shape
+        return f"CentroidPlan({n} times, {k} points, {self.status}, residual {self.residual:.1e})"
 
-@dataclass(frozen=True, eq=False)
-class CentroidProgram:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CentroidProgram(Displayed):
     """The nearest motion of the centroid to a reference that contacts can bring about.
 
     Example:
@@ -124,6 +129,10 @@ class CentroidProgram:
     bounds: tuple[Array, Array] | None = None
     rests: tuple[bool, bool] = (False, False)
     costs: CentroidCosts = field(default_factory=CentroidCosts)
+
+    def __repr__(self) -> str:
+        n, k = self.touches.shape
+        return f"CentroidProgram({n} times, {k} points, {self.stances} stances that shift)"
 
     def solve(self, about: CentroidPlan | None = None) -> CentroidPlan:
         """The plan; moments linearised about another one, by default the reference with forces that carry its weight.
