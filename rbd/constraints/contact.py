@@ -221,6 +221,10 @@ class Contact(Displayed):
         """The same contact with another coefficient, and other facets of its pyramids if they are given."""
         return self._again(friction=mu, facets=self.facets if facets is None else facets)
 
+    def of_corners(self, chosen: Sequence[int]) -> Self:
+        """The same contact at some of its corners: all its rows up to three on a line, which are an edge; or a point."""
+        return self._again(corners=self.corners[list(chosen)])
+
     def _again(self, **changes: Any) -> Self:
         """The same with other arguments of `Contact`, whatever the class's own constructor takes."""
         names = ("name", "frame", "corners", "placement", "friction", "facets", "on", "anchor")

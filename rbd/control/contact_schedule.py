@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -42,6 +42,8 @@ class ContactSchedule(Displayed):
         fade: How long a force takes to fade [s]; 0: it does not fade.
         flight: Whether all contacts may be in the air at once. `WholeBodyController`, which knows all contacts, refuses such a
             schedule otherwise.
+        parts: {contact: [(start, end, corners), ...]}: from start to end [s] only these of its corners are to touch, by their
+            numbers from 0: two are an edge, about which a sole turns.
 
     Raises:
         InputError: what is not {name: intervals}; times that are not numbers, an interval that does not last, two intervals
@@ -59,6 +61,7 @@ class ContactSchedule(Displayed):
     _: KW_ONLY
     fade: float = 0.05
     flight: bool = False
+    parts: Mapping[str, Sequence[tuple[float, float, tuple[int, ...]]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         expected = "{contact: [(start, end), ...]} [s], e.g. {'left_sole': [(0.0, 1.0), (1.6, math.inf)]}"
@@ -81,6 +84,10 @@ class ContactSchedule(Displayed):
     def wants(self, contact: str, t: float) -> bool:
         """Whether a contact is wanted at a time [s]."""
         return self.interval(contact, t) is not None
+
+    def part(self, contact: str, t: float) -> tuple[int, ...] | None:
+        """Which corners of a contact are to touch at a time [s]; None: all."""
+        return next((which for start, end, which in self.parts.get(contact, ()) if start <= t < end), None)
 
     def wanted(self, t: float) -> tuple[str, ...]:
         """The contacts of this schedule that are wanted at a time [s], in its order."""
@@ -254,7 +261,7 @@ class ContactWatch:
         since, over = dict[str, float](), list[str]()
         for contact in self.contacts:
             name = contact.name
-            some, whole, near = self._touches(contact, step)
+            some, whole, near = self._touches(contact, step, self.schedule.part(name, t))
             wanted = self.schedule.wants(name, t)
             if wanted:
                 planned.append(name)
@@ -369,22 +376,22 @@ class ContactWatch:
             self._joints[name] = found[0] if found else None
         return self._joints[name]
 
-    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
+    def _touches(self, contact: Constraint, step: AcceptedStep, part: tuple[int, ...] | None) -> tuple[bool, bool, bool]:
         """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.
 
-        A contact of a body whose collision shapes are told touches with these.
+        Of a part of it, its points. A contact of a body whose collision shapes are told touches with these.
         """
         if contact.name in step.inactive:
             return False, False, False
         if contact.name in self._always:
             return True, True, True
-        told = step.contacts.get(contact.name)
+        told, of = step.contacts.get(contact.name), slice(None) if part is None else list(part)
         if told is not None:
-            gaps, n = np.asarray(told.gaps), int(np.count_nonzero(told.touches))
+            gaps, n = np.asarray(told.gaps)[of], int(np.count_nonzero(np.asarray(told.touches)[of]))
         else:
             if contact.name not in self._sources:
                 self._sources[contact.name] = sources_of((contact,), step.state)[0]
-            gaps = self._sources[contact.name].gaps(step.state, step.t)
+            gaps = self._sources[contact.name].gaps(step.state, step.t)[of]
             n = int(np.count_nonzero(gaps <= TOUCHES))
         whole, near = 0 < n == len(gaps), n > 0 or bool((gaps <= NEAR).any())
         if told is not None or whole or not step.contacts:

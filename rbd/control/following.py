@@ -54,6 +54,9 @@ class ContactTimes(Protocol):
     def intervals(self, name: str) -> list[tuple[float, float]]:
         """(first time, last time) of each stretch in which a contact touches [s]."""
 
+    def stages(self, name: str) -> list[tuple[float, float, tuple[int, ...]]]:
+        """(start, end, which) of each stretch in which the same corners of a contact touch [s]."""
+
 
 class FollowedMotion(SampledAccelerations, Protocol):
     """Samples of a motion, and its contacts."""
@@ -169,8 +172,10 @@ def follow(
         orientation of the base    5    100
         joints                     1    100
 
-    Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. From 30 ms before a foot is to touch its
-    target sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would otherwise hover, and the robot fall.
+    Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. Where one or two of a foot's corners
+    touch for more than 0.1 s it stands on these, and turns about that edge as the motion does; else on its whole sole. From
+    30 ms before a foot is to touch its target sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would
+    otherwise hover, and the robot fall.
 
     Args:
         motion: An `rbd.Motion` with contacts; or what has a robot, t, q, v, a and contacts. Of a robot on a fixed base it needs
@@ -211,11 +216,15 @@ def follow(
             "motion.with_contacts(rbd.motion.find_contacts(motion)) of a motion that is possible, or the repaired one, "
             "rbd.check_motion(motion).repaired(), which has them."
         )
-    feet, times = list[Any](), dict[str, list[Interval]]()
+    feet, times, parts = list[Any](), dict[str, list[Interval]](), dict[str, list[tuple[float, float, tuple[int, ...]]]]()
     for contact in () if lanes is None else lanes.contacts:
         each = [] if lanes is None else [(x, y) for x, y in lanes.intervals(contact.name) if x < y]
-        if member(contact, "corners") is not None:
+        if (corners := member(contact, "corners")) is not None:
             feet.append(contact)
+            stages = [] if lanes is None or len(corners) < 3 else lanes.stages(contact.name)
+            parts[contact.name] = [
+                (x - begin, y - begin, which) for x, y, which in stages if len(which) < 3 and y - x > BRIDGED
+            ]
             times[contact.name] = [(x - begin if x > begin else -math.inf, y - begin if y < end else math.inf) for x, y in each]
         elif each:
             raise InputError(
@@ -242,6 +251,6 @@ def follow(
             )
         )
     # A foot is lifted when the motion lifts it: one that were kept until the other lands would be dragged along.
-    schedule = ContactSchedule(times, fade=FADE, flight=True)
+    schedule = ContactSchedule(times, fade=FADE, flight=True, parts=parts)
     contacts = [foot.with_friction(friction, facets=FACETS) for foot in feet]
     return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot)

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from rbd.control.motion_limits import Limits
 from rbd.control.schedules import INSTANT, AcceptedStep, ExternalAt, asked, check_model, checked_period, sample_at
 from rbd.control.step_problem import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
+from rbd.control.tasks import FrameTask
 from rbd.control.whole_body_step import DAMPING, complaints, silent_step
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
@@ -55,11 +56,11 @@ class Levelled:
     def rows(self, state: State) -> Rows:
         """Those of the contact, with feedback; as they are where they have their own, or do not fix an orientation."""
         rows = self.contact.rows(state)
-        if rows.stabilised or len(rows) < 6 or rows.patch is None or rows.patch.on is None:
+        if rows.stabilised or len(rows) < 5 or rows.patch is None or rows.patch.on is None:
             return rows
         tilt = rows.patch.axes.T @ np.cross(np.asarray(rows.patch.on.normal, float), rows.patch.axes[:, 2])
         feedback = self.rate * rows.velocity
-        feedback[3:5] += (0.5 * self.rate) ** 2 * tilt[:2]
+        feedback[3:-1] += (0.5 * self.rate) ** 2 * tilt[6 - len(rows) : 2]  # an edge turns freely about its x
         return replace(rows, feedback=feedback)
 
 
@@ -75,6 +76,7 @@ class _Memory:
         self.actuation: TaskActuation | None = None
         self.tau: Array | None = None
         self.carried: dict[str, float] = {}
+        self.parts: dict[tuple[str, tuple[int, ...]], Any] = {}
         self.said: set[type[Warning]] = set()
 
 
@@ -84,11 +86,12 @@ class WholeBodyController(Displayed):
 
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
     next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
-    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
-    it touches, and falls to zero before it is lifted (`ContactSchedule`), as far as others can carry the robot. A `FrameTask`
-    of a frame whose contact is counted on is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can
-    always be given, and one that lands late goes on with it; the foot that carries the robot alone until then is not lifted. A
-    foot without such a task, that a push lifts off the ground, follows its posture until it touches.
+    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero
+    after it touches, and falls to zero before it is lifted (`ContactSchedule`), as far as others can carry the robot. A
+    `FrameTask` of a frame whose contact is counted on is left out, but for the orientation of one that stands on a part of
+    its corners, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands
+    late goes on with it; the foot that carries the robot alone until then is not lifted. A foot without such a task, that a
+    push lifts off the ground, follows its posture until it touches.
 
     Where contacts, or limits of joints, cannot be kept, a step violates them least; that is counted in the log, and said once a
     motion. Torques and friction are always within their limits. Answers are certified for the contacts that are counted on;
@@ -261,14 +264,19 @@ class WholeBodyController(Displayed):
     def _step(self, told: AcceptedStep, seen: SeenContacts) -> TaskActuation:
         """Torques for the contacts that are counted on."""
         own = with_loops(told.state.robot, self.contacts, self.loops)[len(self.contacts) :]
-        acting = [c for c in self.contacts if c.name in seen.since] + [c for c in own if c.name not in told.inactive]
-        frames, tips = frames_of(acting, seen.since), {name for name, kind in seen.different if kind == "partial"}
+        whole = [c for c in self.contacts if c.name in seen.since]
+        parts = {c.name: which for c in whole if (which := self.schedule.part(c.name, told.t)) is not None}
+        acting = [self._part(c, parts[c.name]) if c.name in parts else c for c in whole]
+        acting += [c for c in own if c.name not in told.inactive]
+        frames, turning = frames_of(acting, seen.since), frames_of(acting, parts)
+        tips = {name for name, kind in seen.different if kind == "partial"}
         acting = [Levelled(c, float(self.contact_damping)) if c.name in tips else c for c in acting]
-        tasks = [
-            task
-            for task in self.tasks
-            if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
-        ]
+        tasks = list[Task]()
+        for task in self.tasks:
+            if isinstance(task, FrameTask) and task.frame in turning:
+                tasks.append(replace(task, position_cost=0.0))
+            elif getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since):
+                tasks.append(task)
         full = FULL * told.state.robot.mass
         given = self.external
         known = asked("external of WholeBodyController", given, told.state, told.t) if callable(given) else given
@@ -294,6 +302,14 @@ class WholeBodyController(Displayed):
                 said.add(category)
                 text += f" (At t = {told.t:.6g} s. Said once in a motion: `controller.log` has all steps.)"
                 warnings.warn(text, category, stacklevel_of_user())
+        return found
+
+    def _part(self, contact: Any, which: tuple[int, ...]) -> Constraint:
+        """A contact at some of its corners, the same one each time: terms are kept by it."""
+        known = self._memory[0].parts
+        if (key := (contact.name, which)) not in known:
+            known[key] = contact.of_corners(which)
+        found: Constraint = known[key]
         return found
 
     def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:

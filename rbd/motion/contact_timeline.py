@@ -129,6 +129,19 @@ class ContactTimeline(Displayed):
         """When a point, or any point of a contact, touches: (first time, last time) of each stretch [s]."""
         return [(float(self.t[i]), float(self.t[j - 1])) for i, j in stretches(self.of_contact(name))]
 
+    def stages(self, name: str) -> list[tuple[float, float, tuple[int, ...]]]:
+        """(start, end, which) of each stretch in which the same points of a contact touch: an edge, or all of a sole.
+
+        From the last frame before it to the first one after it [s]; points are counted from 0.
+        """
+        own, last = self.touches[:, self._chosen(name)], len(self.t) - 1
+        cuts = [0, *(np.flatnonzero((own[1:] != own[:-1]).any(axis=1)) + 1).tolist(), last + 1]
+        return [
+            (float(self.t[max(i - 1, 0)]), float(self.t[min(j, last)]), tuple(np.flatnonzero(own[i]).tolist()))
+            for i, j in zip(cuts[:-1], cuts[1:], strict=True)
+            if own[i].any()
+        ]
+
     def _chosen(self, name: str) -> Array:
         groups = [contact.name for contact in self.contacts]
         if name in groups:

@@ -30,6 +30,7 @@ from rbd.motion import Motion, MotionDifference, find_contacts, minimum_jerk
 
 STEP = 4e-3
 LEAVES, LANDS, END = 0.8, 1.2, 2.0
+TIMES = np.linspace(0.0, 1.0, 61)
 
 
 def way(t: float, begin: float, end: float) -> tuple[float, float, float]:
@@ -150,6 +151,34 @@ def test_a_foot_that_lands_late_goes_on_downwards(stepping: Motion, monkeypatch:
     assert touches() > 0.5
     monkeypatch.setattr(following, "SINKS", 0.0)
     assert touches() == 0.0
+
+
+@pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")
+def test_heels_rise_and_come_back(g1: rbd.Robot) -> None:
+    """G1, its weight over both toes, turns its soles by 11 degrees about their front edges and back, to 1 mm."""
+    state, soles = g1.standing(), g1.soles(friction=0.7)
+    ahead, tilts = soles[0].corners[:, 0].max(), [0.2 * (way(t, 0.1, 0.45)[0] - way(t, 0.55, 0.9)[0]) for t in TIMES]
+    flat = [state.frame(sole.frame).X_WF * sole.placement * pin.SE3(np.eye(3), np.array([ahead, 0, 0])) for sole in soles]
+    flat[1].translation[0] -= 0.15  # feet side by side would stand on one line
+    middle, q = 0.5 * (flat[0].translation + flat[1].translation), [state.q]
+    for tilt in tilts:
+        turned = pin.SE3(pin.exp3(np.array([0.0, tilt, 0.0])), np.zeros(3)) * pin.SE3(np.eye(3), np.array([-ahead, 0, 0]))
+        com = middle + [0.0, 0.0, state.com[2] - 0.01 + 0.5 * ahead * math.sin(tilt)]
+        places = {sole.name: X * turned for sole, X in zip(soles, flat, strict=True)}
+        q.append(rbd.find_pose(g1, places, com=com, posture=g1.at(q[-1])).state.q)
+    motion = Motion.of_arrays(g1, TIMES, np.array(q[1:])).filtered(10.0)
+    lanes, on = find_contacts(motion), np.array(tilts) > 1e-3
+    for sole in soles:
+        for k, corner in enumerate(sole.corners):
+            lanes = lanes.with_touch(f"{sole.name} {k + 1}", 0.0, 1.0)
+            if corner[0] < ahead:
+                lanes = lanes.with_touch(f"{sole.name} {k + 1}", TIMES[on][0], TIMES[on][-1], touches=False)
+    motion = motion.with_contacts(lanes)
+    assert rbd.check_motion(motion, progress=False).share_possible == 1.0
+    off = followed(motion)
+    assert off.turn.max() < 5e-3
+    assert max(far.max() for far in off.feet.values()) < 1e-3
+    assert [which for _, _, which in follow(motion).schedule.parts["left_sole"]] == [(0, 3)]
 
 
 def test_targets_are_the_motion_and_its_rates(stepping: Motion) -> None:
