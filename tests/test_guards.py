@@ -1301,9 +1301,7 @@ CASES |= {
     "Motion.cut": Case(lambda **given: use_motion(SWAY.cut(**given)), {"start": 0.1, "end": 0.3}, 20),
     "Motion.lifted": Case(lambda height: use_motion(SWAY.lifted(height)), {"height": 0.1}, 10),
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
-    "Motion.save": Case(
-        use_save, {"path": "/nowhere/x.csv", "kind": "motion", "forces": None, "header": True, "decimals": 6}, 10
-    ),
+    "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),
 }
 CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
 CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}

@@ -15,7 +15,8 @@ from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.motion import causes as why
-from rbd.motion.contact_detection import NOISE, REST_SPEED, TOUCH_HEIGHT, TOUCH_SPEED, TOUCHES_M, find_contacts
+from rbd.motion.contact_detection import NOISE, TOUCH_HEIGHT, TOUCH_SPEED, find_contacts
+from rbd.motion.contact_lanes import REST_SPEED, TOUCHES_M
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
 from rbd.motion.missing_wrench import least_effort, nearest_acceleration

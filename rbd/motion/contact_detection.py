@@ -10,12 +10,13 @@ from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
+from rbd.motion.contact_lanes import LEAST, REST_SPEED, TOUCHES_M, slopes
 from rbd.motion.contact_timeline import ContactTimeline, FloorPoints, stretches
 from rbd.motion.frame_terms import carriers, placements
 from rbd.motion.reference_motion import Motion
 
-TOUCHES_M, APART_M = 0.006, 0.004
-"""A point is on the floor from 6 mm over it [m], and no longer 4 mm above that."""
+APART_M = 0.004
+"""A point that is on the floor stays there up to 4 mm above `TOUCHES_M` [m]."""
 TOUCH_HEIGHT, TOUCH_SPEED = 0.03, 0.25
 """A foot is meant to touch from this height [m] and below this speed [m/s]; no longer 4 mm higher, or 1.4 times as fast."""
 EDGE = 0.3
@@ -23,17 +24,11 @@ EDGE = 0.3
 _FASTER, _SPEED_S = 1.4, 0.1
 _FIT, _NEAR_M = 0.25, 2e-3
 """The fitted floor is this quantile of the lowest points of slow frames, and z = 0 where that is within 2 mm."""
-SLOPE_S = 0.3
-"""Window of the slope of a point's position, cut off where it does not touch [s]."""
-REST_SPEED = 5e-3
-"""A point that moves along the floor faster than this slides [m/s]."""
 NOISE = 3.0
 """How many standard deviations of noise are no slip."""
 NOTHING = "nothing touches the floor"
 LONGEST_FLIGHT = 1.0
 """A time without contacts as long as this is noted [s]."""
-_LEAST = 3
-"""Frames that a slope needs."""
 
 
 def find_contacts(
@@ -62,7 +57,7 @@ def find_contacts(
         bodies: Whether other bodies than the feet can touch, by their collision shapes; without known feet
             they always can.
         ground: Height of the level floor [m]; "fit": of the lowest points while they are slow, the lower quartile; None:
-            `motion.ground` where that is not 0, else fitted, and 0 where this is within 2 mm.
+            `motion.ground` where that was given, else fitted, and 0 where this is within 2 mm.
         touch_height: Height up to which a foot is meant to touch [m]; 0.006: only what is on the floor touches.
         touch_speed: Speed up to which a foot is meant to touch [m/s].
         rest_speed: Fastest motion of a point that holds [m/s].
@@ -105,32 +100,11 @@ def find_contacts(
     return ContactTimeline(motion.t, points, touches, slides, heights, speeds, places, level, noise, touches & ~firm, notes)
 
 
-def lanes_of(
-    motion: Motion, points: FloorPoints, touches: Array, ground: float, rest_speed: float = REST_SPEED
-) -> ContactTimeline:
-    """The contacts of a motion whose points touch as said, measured: heights, speeds, which of them slide or are raised.
-
-    Args:
-        motion: The motion.
-        points: Points that may touch.
-        touches: Which do, shape (n, k).
-        ground: Height of the floor [m].
-        rest_speed: Fastest motion of a point that holds [m/s].
-    """
-    places = points.places(*placements(motion.robot, motion.q))
-    heights = places[..., 2] - ground
-    speeds, noise = slopes(motion.t, places[..., :2], touches, np.zeros(len(points)))
-    slides = touches & (speeds > rest_speed)
-    return ContactTimeline(
-        motion.t, points, touches, slides, heights, speeds, places, ground, noise, touches & (heights > TOUCHES_M)
-    )
-
-
 def _ground(motion: Motion, given: float | str | None, places: Array) -> tuple[float, tuple[str, ...]]:
     """(height of the floor [m], what to note of it)."""
     if isinstance(given, str) and given != "fit":
         raise InputError(f"ground is {given!r:.80}; expected 'fit', a height [m], or None.")
-    if given is None and motion.ground:
+    if given is None and motion.ground_given:
         given = motion.ground
     if given is not None and not isinstance(given, str):
         return check_number("ground", given, -1e5, 1e5, expected="'fit', a height [m], or None"), ()
@@ -145,7 +119,7 @@ def fitted_ground(t: Array, places: Array) -> float:
     n, z, speed = len(places), places[..., 2], _speeds(t, places)
     lowest = z.argmin(axis=1)
     low, slow = z[np.arange(n), lowest], speed[np.arange(n), lowest] <= TOUCH_SPEED
-    return float(np.quantile(low[slow] if np.count_nonzero(slow) >= _LEAST else low, _FIT, method="lower"))
+    return float(np.quantile(low[slow] if np.count_nonzero(slow) >= LEAST else low, _FIT, method="lower"))
 
 
 def _speeds(t: Array, places: Array) -> Array:
@@ -196,37 +170,6 @@ def _nothing_touches(t: Array, touches: Array) -> tuple[str, ...]:
         f"{NOTHING} for {long:.2f} s, from {t[a]:.2f} to {t[b - 1]:.2f} s, longer than any jump: another floor "
         "(ground=), a step or a chair that the file does not have, or other bodies than feet (bodies=True, --bodies)?",
     )
-
-
-def slopes(t: Array, xy: Array, touches: Array, noise: Array) -> tuple[Array, Array]:
-    """(speed along the floor, its standard deviation), each of shape (n, k) [m/s]: regressions within each stretch of contact.
-
-    Args:
-        t: Times, shape (n,) [s].
-        xy: Positions, shape (n, k, 2) [m].
-        touches: Shape (n, k).
-        noise: Standard deviation of positions, shape (k,) [m].
-    """
-    n, k = touches.shape
-    begin, end = np.searchsorted(t, t - 0.5 * SLOPE_S - 1e-9), np.searchsorted(t, t + 0.5 * SLOPE_S + 1e-9)
-    i = np.arange(n)[:, None]
-    starts = touches & ~np.vstack([np.zeros((1, k), bool), touches[:-1]])
-    ends = touches & ~np.vstack([touches[1:], np.zeros((1, k), bool)])
-    first = np.maximum(np.maximum.accumulate(np.where(starts, i, 0), axis=0), begin[:, None])
-    last = np.minimum(np.minimum.accumulate(np.where(ends, i, n)[::-1], axis=0)[::-1] + 1, end[:, None])
-    last = np.maximum(np.minimum(last, n), first)
-    time, x = (t - t.mean())[:, None, None], xy - xy.mean(axis=0)
-    of_time = np.broadcast_to(np.concatenate([time, time**2], axis=2), (n, k, 2))
-    sums = np.concatenate([np.zeros((1, k, 6)), np.cumsum(np.concatenate([of_time, x, x * time], axis=2), axis=0)])
-    count, column = np.maximum(last - first, 1), np.arange(k)
-    T, TT, X, TX = np.split(sums[last, column] - sums[first, column], [1, 2, 4], axis=2)
-    T, TT = T[..., 0], TT[..., 0]
-    spread = TT - T**2 / count
-    enough = touches & (last - first >= _LEAST) & (spread > 0.0)
-    safe = np.where(enough, spread, 1.0)
-    slope = (TX - (T / count)[..., None] * X) / safe[..., None]
-    speed = np.where(enough, np.hypot(slope[..., 0], slope[..., 1]), np.where(touches, 0.0, np.nan))
-    return speed, np.where(enough, noise / np.sqrt(safe), 0.0)
 
 
 def place_noise(robot: CheckedModel, points: FloorPoints, q: Array, sigma: Array | None) -> Array:

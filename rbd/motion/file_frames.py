@@ -15,6 +15,7 @@ from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import flat_coordinates
+from rbd.motion.contact_lanes import StoredContacts
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, unit_blocks
 from rbd.robots.robot import Robot
 
@@ -78,7 +79,8 @@ class Frames:
         derivation: How v and a came from q, where the file says so; else None.
         notes: What was guessed and changed, in words.
         noise: Standard deviation of q along each velocity that the file's decimals leave, shape (nv,) [m, rad].
-        ground: Height of the floor [m].
+        ground: Height of the floor [m]; None: the file does not say.
+        contacts: Contacts and forces that are beside it; None without any.
         quaternion: "xyzw" where the order of quaternions is decided; None: it is still to be found.
         simulated: Whether q, v and a are those of a trajectory of `rbd`.
     """
@@ -91,7 +93,8 @@ class Frames:
     derivation: Derivation | None = None
     notes: tuple[str, ...] = ()
     noise: Array | float = 0.0
-    ground: float = 0.0
+    ground: float | None = None
+    contacts: StoredContacts | None = None
     quaternion: str | None = "xyzw"
     simulated: bool = False
 

@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from zipfile import BadZipFile, ZipFile
 
+import numpy as np
+
 from rbd.arrays import check_flag
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -72,7 +74,7 @@ def _of_table(path: Path, table: Table, robot: CheckedModel, given: ReadSettings
     if table.names is not None and given.joints is None:
         columns = columns_of_header(robot, table.names, path)
     else:
-        columns = columns_by_number(robot, x, given.joints, path)
+        columns = columns_by_number(robot, np.radians(x) if given.units == "deg" else x, given.joints, path)
     names, joints = list(columns.joints), list(columns.joints.values())
     place, turn = list(columns.base[:3]), list(columns.base[3:])
     notes = list(columns.notes)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, check_whole
+from rbd.arrays import Array, check_whole
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
@@ -45,10 +45,10 @@ class ToSave:
     Attributes:
         motion: Robot, times, configurations, velocities and accelerations.
         contacts: Which points touch and slide, when; None where that is not known.
-        forces: At these points, in world axes, shape (n, k, 3) [N]; None where they are not known.
+        forces: At these points, in W, shape (n, k, 3) [N]; None where they are not known.
         notes: What is said of it.
         derivation: How v and a came from q, or None.
-        ground: Height of the floor [m].
+        ground: Height of the floor [m]; None where it is not known.
     """
 
     motion: SampledAccelerations
@@ -56,7 +56,7 @@ class ToSave:
     forces: Array | None
     notes: tuple[str, ...]
     derivation: Derivation | None
-    ground: float
+    ground: float | None
 
 
 def save_motion(given: ToSave, path: object, kind: str, *, header: bool, decimals: int) -> None:
@@ -70,31 +70,26 @@ def save_motion(given: ToSave, path: object, kind: str, *, header: bool, decimal
     check_place(where)
     motion, beside = given.motion, _contacts(given)
     if suffix == ".csv":
-        if given.forces is not None:
-            raise InputError("forces are written beside a motion in .npz or .pkl; a table of text has no place for them.")
         return _write_csv(where, motion, header=header, decimals=decimals)
     held = _own(given) if kind == "motion" else _KINDS[kind](motion, _single_joints(motion, where))
+    arrays = {name: x for name, x in {**held, **beside}.items() if x is not None}
     if suffix == ".npz":
-        arrays = {name: x for name, x in {**held, **beside}.items() if x is not None}
         write_file(where, lambda file: np.savez(file, allow_pickle=False, **arrays))
     else:
-        data = pickle.dumps(held | beside, protocol=4)
+        data = pickle.dumps(arrays, protocol=4)
         write_file(where, lambda file: file.write(data))
 
 
 def _contacts(given: ToSave) -> dict[str, Array]:
-    """Names of the points of contact, their places, whether they touch and slide, and the forces there; empty if not known."""
-    lanes, forces = given.contacts, given.forces
+    """What is known of the floor and of the contacts there: their places, whether they touch and slide, and the forces."""
+    lanes, ground = given.contacts, given.ground
+    out = {} if ground is None else {"ground": np.array(ground)}
     if lanes is None:
-        if forces is not None:
-            raise InputError("forces act at contacts, and the motion has none: motion.with_contacts(report.lanes).save(...).")
-        return {}
-    out = {"contact_names": np.array(lanes.names, dtype="U"), "contact_positions": lanes.places}
-    out |= {"contact_labels": lanes.touches, "contact_slides": lanes.slides}
-    if forces is not None:
-        shape = (len(lanes.t), len(lanes.names), 3)
-        out["contact_forces"] = as_finite("forces", forces, shape, meaning=": a force [N] a frame and point, as report.forces")
-    return out
+        return out
+    out |= {"contact_names": np.array(lanes.names, dtype="U"), "contact_positions": lanes.places}
+    out |= {"contact_labels": lanes.touches, "contact_slides": lanes.slides, "contact_raised": lanes.raised}
+    out |= {"ground": np.array(lanes.ground)}
+    return out if given.forces is None else out | {"contact_forces": given.forces}
 
 
 def _write_csv(path: Path, motion: SampledAccelerations, *, header: bool, decimals: int) -> None:
@@ -127,7 +122,6 @@ def _own(given: ToSave) -> dict[str, Array]:
     if robot.motor_data:
         held["motors"] = np.array(json.dumps(plain_motors(robot.motor_data)))
     held["notes"] = np.array(given.notes, dtype="U") if given.notes else np.array([""])[:0]
-    held["ground"] = np.array(given.ground)
     if how is not None:
         held["derivation"], held["method"] = np.array([how.window, how.order, how.cutoff]), np.array(how.method)
         held |= {f"noise_{name}": getattr(how, f"noise_{name}") for name in "qva"}

@@ -25,6 +25,7 @@ from rbd.motion.base_files import (
     of_qpos,
     times_in,
 )
+from rbd.motion.contact_lanes import StoredContacts
 from rbd.motion.derivation import Derivation, Method
 from rbd.motion.file_conventions import (
     breadth_first,
@@ -73,7 +74,11 @@ def of_named_arrays(path: Path, robot: CheckedModel | None, given: ReadSettings)
     robot = _stored_robot(file) if robot is None else robot
     for needed, frames_of in KINDS:
         if all(file.first(*names) for names in needed):
-            return frames_of(file, robot, given)
+            contacts, ground = _contacts(file)
+            found = frames_of(file, robot, given)
+            if contacts is not None and len(contacts.touches) != len(found.t):
+                raise InputError(f"{path.name}: contact_labels has {len(contacts.touches)} rows for {len(found.t)} frames.")
+            return replace(found, contacts=contacts, ground=ground)
     held = ", ".join(sorted([*file.arrays, *file.others]))[:200] or "nothing"
     raise InputError(
         f"{path.name} holds {held}; expected q and t; {', '.join(BODIES)}; root_pos, root_rot, dof_pos, fps (GMR, TWIST); "
@@ -100,6 +105,29 @@ def _stored_robot(file: NamedArrays) -> CheckedModel:
         raise InputError(f"{file.path.name}: motors is {text!r:.80}; expected JSON, as Motion.save writes it.") from None
 
 
+def _contacts(file: NamedArrays) -> tuple[StoredContacts | None, float | None]:
+    """(contacts and forces of the floor, its height [m]) as `Motion.save` writes them beside a motion; None without them.
+
+    Raises:
+        InputError: their shapes do not fit.
+    """
+    ground = file.numbers("ground").ravel() if "ground" in file else np.zeros(0)
+    names = file.texts("contact_names")
+    kinds = [f"contact_{what}" for what in ("labels", "slides", "raised")]
+    if not names or not set(kinds) <= set(file.arrays):
+        return None, float(ground[0]) if len(ground) == 1 else None
+    labels = [file.numbers(name) > 0.0 for name in kinds]
+    forces = file.numbers("contact_forces") if "contact_forces" in file else None
+    file.used.add("contact_positions")  # those of kinematics
+    shape = (len(labels[0]), len(names))
+    for what, x in zip([*kinds, "contact_forces"], [*labels, forces], strict=True):
+        own = shape if what in kinds else (*shape, 3)
+        if x is not None and x.shape != own:
+            raise InputError(f"{file.path.name}: {what} has shape {x.shape}; expected {own}, for contact_names.")
+    touches, slides, raised = labels
+    return StoredContacts(names, touches, slides, raised, forces), float(ground[0]) if len(ground) == 1 else None
+
+
 def _of_q(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames:
     path, names = file.path, [c.name for c in robot.joints.positions]
     own = file.texts("coordinates")  # of Motion.save
@@ -122,7 +150,6 @@ def _of_q(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames
             how = Derivation(method, window, int(order), cutoff, *noise)
         except (ValueError, KeyError):
             raise InputError(f"{path.name}: what it says of how v and a came from q cannot be read. Leave it out.") from None
-    ground = file.numbers("ground").ravel() if "ground" in file else np.zeros(1)
     t, told = file_times(path, len(t), replace(given, trust=given.trust or own is not None), t=t)
     stored = file.arrays["q"]
     rounding = rounding_noise(robot, single_step(stored[:, :3]), single_step(stored[:, 3:7]), robot.joints, single_step(stored))
@@ -131,7 +158,7 @@ def _of_q(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames
         moving = single_joints(robot)
         told += check_joints(robot, moving, joint_values(robot, q, moving), q, path.name, given.units)
     notes = (*(file.texts("notes") or ()), *told)
-    return Frames(robot, t, q, v, a, how, notes, rounding, float(ground[0]) if len(ground) == 1 else 0.0, turns)
+    return Frames(robot, t, q, v, a, how, notes, rounding, quaternion=turns)
 
 
 def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames:

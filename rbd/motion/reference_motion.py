@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag, check_number, check_whole, locked
+from rbd.arrays import Array, as_array, as_finite, as_float, check_flag, check_number, check_whole, locked
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -79,6 +79,8 @@ class Motion(Displayed):
         derivation: How v and a came from q; None where they were given.
         contacts: Which points touch and slide, when; None: `find_contacts` finds them.
         ground: Height of the floor [m].
+        ground_given: Whether that was given; else the floor is fitted where contacts are looked for.
+        forces: On the robot at the points of its contacts, in W, shape (n, k, 3) [N]; None where they are not known.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -99,9 +101,11 @@ class Motion(Displayed):
     derivation: Derivation | None = None
     contacts: ContactTimeline | None = None
     ground: float = 0.0
+    ground_given: bool = False
+    forces: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("t", "q", "v", "a"):
+        for name in ("t", "q", "v", "a", "forces")[: 4 + (self.forces is not None)]:
             object.__setattr__(self, name, locked(getattr(self, name).view()))  # whoever gave an array may go on to write to it
 
     @classmethod
@@ -119,7 +123,7 @@ class Motion(Displayed):
         order: int = 4,
         cutoff: float | None = None,
         noise: float | Array = 0.0,
-        ground: float = 0.0,
+        ground: float | None = None,
         quaternion: str | None = None,
         trust: bool = False,
     ) -> Motion:
@@ -141,7 +145,7 @@ class Motion(Displayed):
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             noise: Standard deviation of q along each velocity, a number or shape (nv,) [m, rad].
-            ground: Height of the floor [m].
+            ground: Height of the floor [m]; by default it is not known: 0, and fitted where contacts are looked for.
             quaternion: "xyzw" or "wxyz"; by default x, y, z, w, unless only w, x, y, z fits v, or keeps the base upright.
             trust: Take times, lengths, v and a as they are, without looking whether they can be.
 
@@ -160,7 +164,7 @@ class Motion(Displayed):
         said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
-        height = check_number("ground", ground, -1e5, 1e5, expected="a height [m]")
+        height = check_number("ground", 0.0 if ground is None else ground, -1e5, 1e5, expected="a height [m]")
         if v is None and a is not None:
             raise InputError("a was given without v; give both, or neither.")
         for what, x in (("v", v), ("a", a)):
@@ -186,7 +190,7 @@ class Motion(Displayed):
             if a is None:
                 a = derivative(t, v, **settings)
                 said.append(f"accelerations are derivatives of the velocities given, over {window:g} s.")
-        return cls(robot, t, q, v, a, str(source), tuple(said), how, None, height)
+        return cls(robot, t, q, v, a, str(source), tuple(said), how, None, height, ground is not None)
 
     @classmethod
     def read(
@@ -232,7 +236,7 @@ class Motion(Displayed):
             window: Length of the windows that v and a are computed in [s].
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
-            ground: Height of the floor [m]; by default 0, or that of the file.
+            ground: Height of the floor [m]; by default that of the file, else fitted where contacts are looked for.
             motion: Name of the motion, of a file that holds several; of a log, the topic of the joint states.
             trust: Take times, lengths, joints, v and a of the file as they are; see `of_arrays`.
             progress: Show a bar on a terminal where reading takes long.
@@ -249,7 +253,11 @@ class Motion(Displayed):
             ground=found.ground if ground is None else ground, window=window, order=order, cutoff=cutoff,
             quaternion=found.quaternion, trust=trust or found.simulated,
         )  # fmt: skip
-        return out if found.derivation is None else replace(out, derivation=found.derivation)
+        out = out if found.derivation is None else replace(out, derivation=found.derivation)
+        if found.contacts is None:
+            return out
+        lanes, forces, told = found.contacts.of(out, out.ground)
+        return replace(out, contacts=lanes, forces=forces, notes=(*out.notes, told))
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory) -> Motion:
@@ -259,14 +267,16 @@ class Motion(Displayed):
         return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory", quaternion="xyzw", trust=True)
 
     @classmethod
-    def from_function(cls, robot: CheckedModel, f: Callable[[float], Array], t: Array, *, ground: float = 0.0) -> Motion:
+    def from_function(
+        cls, robot: CheckedModel, f: Callable[[float], Array], t: Array, *, ground: float | None = None
+    ) -> Motion:
         """The motion q = f(t) at given times; v and a by differences over 4 ms, of fourth and third order.
 
         Args:
             robot: The robot.
             f: Takes a time [s], also up to 2 ms before the first and after the last; returns q, shape (nq,).
             t: Times, shape (n,) [s], increasing by 5 ms or more.
-            ground: Height of the floor [m].
+            ground: Height of the floor [m]; see `of_arrays`.
 
         Raises:
             InputError: times that do not increase so, or what f returns is no q of this robot.
@@ -306,13 +316,26 @@ class Motion(Displayed):
         check_whole("the frame of a motion", i, self.n - 1, least=-self.n)
         return State(self.robot, self.q[i], self.v[i])
 
-    def with_contacts(self, contacts: ContactTimeline | None) -> Motion:
-        """The same motion with given contacts, or None to have them found."""
+    def with_contacts(self, contacts: ContactTimeline | None, forces: Array | None = None) -> Motion:
+        """The same motion with given contacts, or None to have them found.
+
+        Args:
+            contacts: Of this motion.
+            forces: At their points, in W, shape (n, k, 3) [N], as `MotionReport.forces` has them.
+
+        Raises:
+            InputError: contacts of another motion; forces of another shape, or without contacts.
+        """
         if contacts is not None and (not isinstance(contacts, ContactTimeline) or not np.array_equal(contacts.t, self.t)):
             raise InputError(
                 f"contacts is {contacts!r:.80}; expected ContactTimeline of this motion: rbd.motion.find_contacts(motion)."
             )
-        return replace(self, contacts=contacts)
+        if forces is not None:
+            if contacts is None:
+                raise InputError("forces act at contacts; expected both: motion.with_contacts(report.lanes, report.forces).")
+            meaning = ": a force [N] a frame and point, as report.forces"
+            forces = as_finite("forces", forces, (self.n, len(contacts.names), 3), meaning=meaning)
+        return replace(self, contacts=contacts, forces=forces)
 
     def resample(self, rate: float) -> Motion:
         """The motion at another rate [Hz]; q by cubics on the manifold through q and v of the frames.
@@ -350,7 +373,8 @@ class Motion(Displayed):
             )
         given = {name: getattr(self, name)[chosen] for name in ("t", "q", "v", "a")}
         lanes = self.contacts and self.contacts.at_frames(chosen)
-        return self._changed(f"cut to {given['t'][0]:g} to {given['t'][-1]:g} s.", contacts=lanes, **given)
+        forces = None if self.forces is None else self.forces[chosen]
+        return self._changed(f"cut to {given['t'][0]:g} to {given['t'][-1]:g} s.", contacts=lanes, forces=forces, **given)
 
     def mirror(self) -> Motion:
         """Left and right exchanged, by the names of the joints, across the plane y = 0 of the world.
@@ -398,14 +422,14 @@ class Motion(Displayed):
         path: str | os.PathLike[str],
         *,
         kind: str = "motion",
-        forces: Array | None = None,
         header: bool = True,
         decimals: int = 6,
     ) -> None:
         """Write it to a file that `read` reads; an existing one is replaced only when the new one is complete.
 
-        Contacts, if it has them, are written beside it in an .npz or .pkl, and not read: `contact_names`, shape (k,),
-        `contact_labels` and `contact_slides`, shape (n, k), `contact_positions`, shape (n, k, 3) [m], and `contact_forces`.
+        Contacts and forces, if it has them, are beside it in an .npz or .pkl, in arrays that `read` takes up: `contact_names`,
+        shape (k,), `contact_labels`, `contact_slides` and `contact_raised`, shape (n, k), `contact_positions`, shape (n, k, 3)
+        [m], and `contact_forces` [N]; and `ground`, the height of the floor. A .csv has no place for them.
 
         Args:
             path: Ends in .csv or .npz; of GMR in .pkl or .npz.
@@ -413,21 +437,21 @@ class Motion(Displayed):
                 trackers of motions read it: fps, joint_pos, joint_vel, and the poses and velocities of all bodies, joints
                 breadth-first, quaternions w x y z. "gmr": fps, root_pos, root_rot x y z w, dof_pos, local_body_pos,
                 link_body_list. "mujoco": qpos and qvel, quaternions w x y z, joint_names, frequency.
-            forces: At the contacts, in world axes, shape (n, k, 3) [N], as `MotionReport.forces` has them.
             header: Of a .csv: names and times; False for numbers alone, as most tools for retargeted motions expect.
             decimals: Of a .csv.
 
         Raises:
-            InputError: another suffix, a path that cannot be written, forces without contacts, or a robot that this kind of
-                file cannot hold.
+            InputError: another suffix, a path that cannot be written, or a robot that this kind of file cannot hold.
         """
         check_flag("header", header)
-        held = ToSave(self, self.contacts, forces, self.notes, self.derivation, self.ground)
+        ground = self.ground if self.ground_given else None
+        held = ToSave(self, self.contacts, self.forces, self.notes, self.derivation, ground)
         save_motion(held, path, kind, header=header, decimals=decimals)
 
     def _changed(self, note: str, **fields: Any) -> Motion:
-        """A copy with other arrays, v and a derived again where they are not given; contacts are left out unless given too."""
+        """A copy with other arrays; v, a derived again where they are not given, contacts and forces left out likewise."""
         notes = [*self.notes, note]
+        fields.setdefault("forces", None)
         if self.contacts is not None and "contacts" not in fields:
             fields["contacts"] = None
             notes.append("contacts given before were left out.")
@@ -449,7 +473,7 @@ class Motion(Displayed):
 
 
 def minimum_jerk(
-    robot: CheckedModel, poses: Sequence[Array], times: Array, *, rate: float = 60.0, ground: float = 0.0
+    robot: CheckedModel, poses: Sequence[Array], times: Array, *, rate: float = 60.0, ground: float | None = None
 ) -> Motion:
     """The motion through poses with minimum jerk between each two, at rest at each of them; v and a are exact.
 
@@ -461,7 +485,7 @@ def minimum_jerk(
         poses: Configurations, each of shape (nq,), two or more.
         times: When each of them is reached [s], increasing.
         rate: Frames a second.
-        ground: Height of the floor [m].
+        ground: Height of the floor [m]; see `Motion.of_arrays`.
 
     Raises:
         InputError: as many times as poses are expected, times that increase, configurations of this robot.

@@ -369,7 +369,7 @@ class MotionReport(Displayed):
             if raised:
                 same, lanes = m.lifted(raised), replace(lanes, places=lanes.places + [0.0, 0.0, raised], ground=level)
             told = "each frame is possible: nothing was repaired."
-            return replace(same, notes=(*same.notes, told), contacts=lanes)
+            return replace(same, notes=(*same.notes, told), contacts=lanes, forces=None)
         torques = partial(torque_bounds, m.robot, torque_limits=settings.torque_limits, torque_speed=settings.torque_speed)
         with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"repairing {m.source}") as done:
             new, found = repaired(
@@ -523,7 +523,7 @@ class MotionReport(Displayed):
         if m.derivation is not None:
             lines.append(f"  accelerations: {m.derivation}")
         s = self.settings
-        given = m.contacts is not None or m.ground or s.ground not in (None, "fit")
+        given = m.contacts is not None or m.ground_given or s.ground not in (None, "fit")
         floor = f"floor {'given' if given else 'fitted'} at z = {self.lanes.ground:.4g} m"
         lines.append(f"  friction {s.friction:g}, {floor}, threshold {100 * s.threshold:g} % of the weight")
         return "\n".join(lines + [f"  note: {note}" for note in (*m.notes, *self.lanes.notes)])

@@ -146,7 +146,7 @@ def checked_file(
     out, kind = how.pop("out").get(str(MotionFile(Path(file), None, motion))), how.pop("kind")
     report = report.checked_again(report.repaired(progress=progress, **how))
     if out is not None:
-        report.motion.save(out, kind=kind, forces=None if str(out).lower().endswith(".csv") else report.forces)
+        report.motion.with_contacts(report.lanes, report.forces).save(out, kind=kind)
     return report
 
 

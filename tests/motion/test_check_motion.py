@@ -196,6 +196,12 @@ class TestFaults:
         report = check_motion(Motion.of_arrays(g1, squat.t, q, noise=DECIMALS), self_collision=False)
         assert np.flatnonzero(report.of_cause("jump")).tolist() == [69, 70]
 
+    def test_a_fast_motion_at_few_frames_is_no_jump(self, squat):
+        """A wrist waves by 1.5 rad at 3 Hz, now and then, at 30 frames a second: its v and a explain the steps."""
+        t, q = np.arange(90) / 30.0, np.tile(squat.q[0], (90, 1))
+        q[:, -1] += 1.5 * np.sin(6.0 * np.pi * t) ** 5 * (np.sin(np.pi * t) > 0.9)
+        assert not check_motion(Motion.of_arrays(squat.robot, t, q), self_collision=False).of_cause("jump").any()
+
     def test_torque_and_speed(self, squat):
         """Knees whose torque falls with their speed to less than is used; standing still they have all of it."""
         used = np.abs(check_motion(squat, self_collision=False).tau)

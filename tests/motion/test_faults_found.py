@@ -12,7 +12,7 @@ from test_motions_possible import apart, file_of, switches
 
 import rbd
 from rbd.motion import CAUSES, MotionReport
-from rbd.motion.contact_detection import SLOPE_S
+from rbd.motion.contact_lanes import SLOPE_S
 
 FEET = ("squat", "crouch")
 CLEAR = 1e-3

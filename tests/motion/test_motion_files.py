@@ -179,6 +179,15 @@ class TestGuesses:
         for name in names:
             assert np.abs(again.q[:, g1.joints[name].q] - dance.q[:, g1.joints[name].q]).max() < 1e-6
 
+    def test_of_two_with_23_joints_that_whose_sides_agree(self, dance, g1, tmp_path):
+        """A table of the other 23: both orders are within limits; the note names the one not taken."""
+        one, other = list(formats(g1))[1:]
+        for taken, left in ((one, other), (other, one)):
+            columns = [*range(7), *(g1.joints[name].q.start for name in formats(g1)[taken])]
+            found = Motion.read(written(tmp_path, [[row[k] for k in columns] for row in table(dance)]), robot=g1, rate=50)
+            assert f"23 joints without names: {taken}, in that order." in found.notes
+            assert any(note.startswith(f"as many joints has {left}; joints are beyond") for note in found.notes)
+
     def test_joints_in_another_order(self, dance, g1, tmp_path):
         """Named by `joints`, or by a header in any order, with times or without."""
         order = breadth_first(g1)

@@ -377,22 +377,56 @@ class TestWriting:
             rate = (file["qpos"][41, :3] - file["qpos"][39, :3]) * 30.0
             assert np.abs(rate - file["qvel"][40, :3]).max() < 0.05
 
-    @pytest.mark.parametrize("kind", ["motion", "gmr", "beyondmimic", "mujoco"])
-    def test_contacts_and_forces_stand_beside(self, steps, g1, tmp_path, kind):
-        """Names, labels, places and forces of each point; forces without contacts are refused."""
+    @pytest.mark.parametrize("name", ["a.npz:motion", "a.npz:gmr", "a.pkl:gmr", "a.npz:beyondmimic", "a.npz:mujoco"])
+    def test_contacts_and_forces_are_read_again(self, steps, g1, tmp_path, name):
+        """Labels, slides and forces of each point, and the floor; told in the notes, and not read of a robot without them."""
+        file, kind = name.split(":")
         report = rbd.check_motion(steps, ground="fit", self_collision=False)
-        steps.with_contacts(report.lanes).save(tmp_path / "a.npz", kind=kind, forces=report.forces)
-        with np.load(tmp_path / "a.npz") as file:
-            assert (file["contact_labels"] == report.lanes.touches).all() and file["contact_labels"].any()
-            assert tuple(file["contact_names"]) == report.lanes.names and (file["contact_forces"] == report.forces).all()
-            assert file["contact_positions"].shape == file["contact_forces"].shape
-        assert agrees(Motion.read(tmp_path / "a.npz", robot=g1), steps)
-        with pytest.raises(InputError, match="the motion has none: motion.with_contacts"):
-            steps.save(tmp_path / "b.npz", kind=kind, forces=report.forces)
-        with pytest.raises(InputError, match="a table of text has no place for them"):
-            steps.with_contacts(report.lanes).save(tmp_path / "b.csv", forces=report.forces)
+        steps.with_contacts(report.lanes, report.forces).save(tmp_path / file, kind=kind)
+        found = Motion.read(tmp_path / file, robot=g1)
+        assert agrees(found, steps) and found.notes[-1].startswith("contacts and forces are those of the file, of left_sole, r")
+        assert found.contacts.names == report.lanes.names and (found.forces == report.forces).all()
+        for what in ("touches", "slides", "raised"):
+            assert (getattr(found.contacts, what) == getattr(report.lanes, what)).all()
+        assert found.ground == report.lanes.ground and found.ground_given and not found.forces.flags.writeable
+        assert not any("not read" in note and "contact" in note for note in found.notes)
+        if kind == "motion":
+            again = rbd.check_motion(found, self_collision=False)
+            assert (again.possible == report.possible).all() and "floor given" in str(again)
+        cut, other = found.cut(0.2, 0.4), found.lifted(0.1)
+        assert cut.forces.shape == cut.contacts.places.shape and other.forces is None and other.contacts is None
+        toes = Motion.read(tmp_path / file, robot=rbd.load_robot("g1", feet=["left_ankle_roll_link"]))
+        assert toes.contacts is None and "has no point 'left_sole 1'" in toes.notes[-1]
+
+    def test_forces_need_contacts(self, steps, g1, tmp_path):
+        """They are of points; a table of text holds neither; labels of another length are refused."""
+        report = rbd.check_motion(steps, ground="fit", self_collision=False)
+        with pytest.raises(InputError, match="forces act at contacts; expected both"):
+            steps.with_contacts(None, report.forces)
         with pytest.raises(InputError, match="forces has shape"):
-            steps.with_contacts(report.lanes).save(tmp_path / "b.npz", kind=kind, forces=report.forces[1:])
+            steps.with_contacts(report.lanes, report.forces[1:])
+        meant = steps.with_contacts(report.lanes, report.forces)
+        meant.save(tmp_path / "a.csv")
+        assert Motion.read(tmp_path / "a.csv", robot=g1).contacts is None
+        for what, told in (("contact_labels", "89 rows"), ("contact_slides", "expected"), ("contact_forces", "expected")):
+            meant.save(tmp_path / "a.npz", kind="gmr")
+            with np.load(tmp_path / "a.npz") as file:
+                held = dict(file)
+            cut = [f"contact_{x}" for x in ("labels", "slides", "raised", "forces")] if what == "contact_labels" else [what]
+            np.savez(tmp_path / "a.npz", **held | {name: held[name][1:] for name in cut})
+            with pytest.raises(InputError, match=told):
+                Motion.read(tmp_path / "a.npz", robot=g1)
+
+    def test_a_floor_at_zero_is_told_from_none(self, steps, g1, tmp_path):
+        """A motion 40 mm up: its floor is fitted, but not where z = 0 was given."""
+        for ground, at in ((None, 0.04), (0.0, 0.0)):
+            high = Motion.of_arrays(g1, steps.t, steps.q + 0.04 * np.eye(g1.nq)[2], ground=ground)
+            high.save(tmp_path / "a.npz")
+            steps.lifted(0.04).save(tmp_path / "a.csv", header=False)
+            table = Motion.read(tmp_path / "a.csv", robot=g1, rate=60, ground=ground)
+            for motion in (high, Motion.read(tmp_path / "a.npz"), table):
+                assert motion.ground_given == (ground is not None)
+                assert abs(rbd.motion.find_contacts(motion).ground - at) < 1e-3
 
     def test_what_a_kind_cannot_hold(self, steps, tmp_path):
         """Another ending, another kind, unequal times, no base: refused before a byte is written."""

@@ -13,7 +13,7 @@ from rbd.centroid import CentroidPlan, CentroidProgram
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.model.sampled_motion import cubic, cubic_rate, interpolated_q
-from rbd.motion.contact_detection import lanes_of
+from rbd.motion.contact_lanes import lanes_of
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import low_passed
 from rbd.motion.reference_motion import Motion

@@ -127,7 +127,7 @@ class Timing(Displayed):
         lanes = self._lanes(t, s, pace, q)
         note = f"retimed from {old.duration:.4g} to {self.duration:.4g} s: {_words(self.shares())}."
         note += " Torque-speed lines were not counted." if old.robot.torque_lines else ""
-        return replace(old, t=t, q=q, v=v, a=a, derivation=None, contacts=lanes, notes=(*old.notes, note))
+        return replace(old, t=t, q=q, v=v, a=a, derivation=None, contacts=lanes, forces=None, notes=(*old.notes, note))
 
     def _lanes(self, t: Array, s: Array, pace: Array, q: Array) -> ContactTimeline | None:
         lanes, old = self.sets.lanes, self.sets.motion.t
