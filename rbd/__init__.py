@@ -99,6 +99,7 @@ if _TYPE_CHECKING:
     from rbd.robots.building.builder import (
         RobotBuilder as RobotBuilder,
     )
+    from rbd.robots.carried import Carried as Carried
     from rbd.robots.loading import (
         doctor as doctor,
         load_robot as load_robot,
@@ -167,6 +168,7 @@ _NAMES = {
     "rbd.problem.gauss_problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
     "rbd.robots.building.builder": "RobotBuilder",
+    "rbd.robots.carried": "Carried",
     "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",

@@ -64,6 +64,7 @@ def contact_answers() -> Iterator[object]:
     yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
     motors = {"leg_left_4_joint": rbd.Motor(gear=100.0, rotor_inertia=1e-5, torque_speed=[(0.0, 300.0), (5.0, 0.0)])}
     yield from (motors["leg_left_4_joint"], talos.with_motors(motors))
+    yield from (thing := rbd.Carried(2.0, ["gripper_left_base_link"]), talos.carrying(thing))
     yield from (held.uniqueness(), rbd.statics.Effort({"leg_left_4_joint": 2.0}, normal_force={"left_sole": (10.0, 900.0)}))
     yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ConeSolver()):

@@ -20,7 +20,7 @@ PACKAGE = Path(rbd.__file__).parent
 NOT_LOADED = (
     *("numba", "llvmlite", "scipy.linalg", "scipy.optimize", "scipy.sparse", "scipy.spatial"),
     *("proxsuite", "yaml", "xarray", "mujoco", "matplotlib", "meshcat", "sympy", "typer", "rich", "numpy.ma", "urllib.request"),
-    *("rbd.visual", "rbd.robots.building", "rbd.mechanism", "rbd.simulation", "rbd.control"),
+    *("rbd.visual", "rbd.robots.building.builder", "rbd.mechanism", "rbd.simulation", "rbd.control"),
 )
 
 

@@ -333,6 +333,22 @@ def use_plots(plot: Any, **given: Any) -> Any:
     return len(plot(**given))
 
 
+CARRIED = {"mass": 2.0, "grasps": ["FL_FOOT", "FR_FOOT"], "size": (0.1, 0.2, 0.3), "inertia": (0.1, 0.1, 0.1), "name": "box"}
+CARRIED |= {"placement": pin.SE3.Identity(), "second": np.eye(4), "shares": (0.25, 0.75)}
+
+
+def use_carried(**given: Any) -> Any:
+    """Its inertia, and the mass of a robot that holds it."""
+    thing = rbd.Carried(**given)
+    return thing.inertia, thing.size, BOLT.carrying(thing).at().M
+
+
+def use_carrying(carrying: Callable[..., Any], thing: Any, **given: Any) -> Any:
+    """The equations of motion of what carries it."""
+    found = carrying(thing, **given)
+    return getattr(found, "robot", found).at().M
+
+
 @dataclass(frozen=True)
 class Case:
     """A public callable, by its name, and arguments that work."""
@@ -549,6 +565,8 @@ CASES: dict[str, Case] = {
         lambda motor, **given: BOLT.with_motors({BOLT.actuated_names[0]: motor}, **given),
         {"motor": rbd.Motor(limit=3.0), "others_passive": True},
     ),
+    "Carried": Case(use_carried, CARRIED),
+    "Robot.carrying": Case(lambda **given: use_carrying(BOLT.carrying, **given), {"thing": rbd.Carried(**CARRIED), "at": None}),
     "Robot.torque_limits": Case(BOLT.torque_limits, {"v": V}),
     "Robot.is_like": Case(BOLT.is_like, {"other": BOLT}),
     "Robot.joint_limits": Case(BOLT.joint_limits, {"margin": 0.1}),
@@ -1299,6 +1317,7 @@ CASES |= {
     "Motion.with_contacts": Case(lambda contacts: use_motion(SWAY.with_contacts(contacts)), {"contacts": None}, 10),
     "Motion.resample": Case(lambda rate: use_motion(SWAY.resample(rate)), {"rate": 30.0}, 20),
     "Motion.cut": Case(lambda **given: use_motion(SWAY.cut(**given)), {"start": 0.1, "end": 0.3}, 20),
+    "Motion.carrying": Case(lambda **given: use_carrying(SWAY.carrying, **given), {"thing": rbd.Carried(1.0, [FRAME])}, 10),
     "Motion.lifted": Case(lambda height: use_motion(SWAY.lifted(height)), {"height": 0.1}, 10),
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
     "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),

@@ -283,6 +283,7 @@ class TestWhatStandsOnTop:
             "grid",
             "sample",
             "Bushing",
+            "Carried",
             "Damper",
             "JointDamping",
             "JointSpring",

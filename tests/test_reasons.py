@@ -90,6 +90,7 @@ FROZEN = {
     81: "not_possible: self-collision",
     82: "not_possible: tilted sole",
     83: "not_possible: hovering foot",
+    84: "not_possible: grasp",
     85: "picture_error",
     86: "contract_broken",
     87: "contract_broken: constraint",

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -46,6 +47,7 @@ from rbd.records import RANKED_FILES, Field, counted, joined
 if TYPE_CHECKING:
     from rbd.motion.many_files import MotionFile
     from rbd.motion.report import MotionReport
+    from rbd.robots.carried import Carried
     from rbd.robots.robot import Robot
     from rbd.studies.motion_checks import MotionChecks
 
@@ -86,6 +88,10 @@ def check(
         float | None, typer.Option("--filter", metavar="HZ", help="Also check it without what is faster.")
     ] = None,
     lift: Annotated[bool, typer.Option("--lift", help="Also check it put onto the floor by one height.")] = False,
+    carry: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KG@A,B", help="An object in one hand or two, by their frames, as held in the first frame."),
+    ] = None,
     repair: Annotated[
         bool, typer.Option("--repair", help="Repair it over its whole length, and check that, beside what was given.")
     ] = False,
@@ -157,7 +163,7 @@ def check(
             "bodies": bodies, "self_collision": self_collision, "touch_height": touch_height, "touch_speed": touch_speed,
         }  # fmt: skip
         ranking, named = Ranking(least_possible), dict[str, Any](between=(from_, to), cutoff=filter_, lift=lift)
-        named["repair"] = how if repair else None
+        named |= {"carry": [*map(_carried, carry or (), count(1))], "repair": how if repair else None}
         if one:
             robots = {"": chosen[0].robot} if loaded is not None else {}
             report = checked_file(
@@ -381,6 +387,17 @@ def _loaded(robot: str, feet: list[str] | None, package_dirs: list[Path] | None,
 
     found = load_robot(robot, feet=feet, package_dirs=package_dirs or ())
     return found if motors is None else found.with_motors(read_motor_file(motors))
+
+
+def _carried(text: str, number: int) -> Carried:
+    from rbd.robots.carried import Carried
+
+    mass, _, hands = text.partition("@")
+    try:
+        kg = float(mass if hands else hands)
+    except ValueError:
+        raise InputError(f"--carry is {text!r:.80}; expected kilograms and one frame or two: 3@left_hand,right_hand.") from None
+    return Carried(kg, names_of("--carry", hands) or [], name=f"object {number}")
 
 
 def _ground(text: str | None) -> float | str | None:

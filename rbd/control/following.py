@@ -28,6 +28,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import SampledAccelerations
 from rbd.model.state import State, state_at
+from rbd.robots.carried import carried_by
 
 SINKS = 0.05
 """Speed at which the target of a foot goes down that has not landed [m/s] ..."""
@@ -121,6 +122,10 @@ class MotionTargets:
         X, v, a = self._moving(name, pin.SE3.Identity(), t)
         return Reference(X.rotation, v[3:], a[3:])
 
+    def hand(self, name: str, t: float) -> Reference:
+        """The pose of a frame."""
+        return Reference(*self._moving(name, pin.SE3.Identity(), t))
+
     def foot(self, contact: Any, offset: Array, t: float) -> Reference:
         """The pose of a foot, or the place of a point foot; about when it is to touch its target sinks."""
         X, v, a = self._moving(contact.frame, pin.SE3(np.eye(3), offset), t)
@@ -171,11 +176,14 @@ def follow(
         angular momentum          30      5
         orientation of the base    5    100
         joints                     1    100
+        hands that carry, each    30    400      place; of orientation, 3
 
     Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. Where one or two of a foot's corners
     touch for more than 0.1 s it stands on these, and turns about that edge as the motion does; else on its whole sole. From
     30 ms before a foot is to touch its target sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would
     otherwise hover, and the robot fall.
+
+    What the motion's robot carries (`motion.carrying`) the controller reckons with; in `robot` it may weigh more or less.
 
     Args:
         motion: An `rbd.Motion` with contacts; or what has a robot, t, q, v, a and contacts. Of a robot on a fixed base it needs
@@ -250,6 +258,8 @@ def follow(
                 foot.frame, target, offset=offset, position_cost=1000.0, orientation_cost=200.0, gain=900.0, name=foot.name
             )
         )
+    for hand in dict.fromkeys(name for each in carried_by(motion.robot) for name in each.grasps):
+        tasks.append(FrameTask(hand, partial(targets.hand, hand), position_cost=30.0, orientation_cost=3.0, gain=400.0))
     # A foot is lifted when the motion lifts it: one that were kept until the other lands would be dragged along.
     schedule = ContactSchedule(times, fade=FADE, flight=True, parts=parts)
     contacts = [foot.with_friction(friction, facets=FACETS) for foot in feet]

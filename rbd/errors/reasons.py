@@ -153,6 +153,7 @@ class Reason(StrEnum):
     NOT_POSSIBLE_SELF_COLLISION = "not_possible: self-collision", 81, "Two bodies of the robot overlap."
     NOT_POSSIBLE_TILTED_SOLE = "not_possible: tilted sole", 82, "Of a sole that must carry, part is above the floor."
     NOT_POSSIBLE_HOVERING_FOOT = "not_possible: hovering foot", 83, "A foot that must carry is above the floor."
+    NOT_POSSIBLE_GRASP = "not_possible: grasp", 84, "Two hands that hold one object move against each other."
 
     PICTURE_ERROR = "picture_error", 85, "A page or a screenshot could not be made."
     CONTRACT_BROKEN = "contract_broken", 86, "A constraint, task or solver violates its contract."

@@ -19,14 +19,14 @@ from rbd.solvers.cone_least_squares import nearest_in_cones
 
 CAUSES = (
     "floats", "sinks", "slides", "friction", "tips", "motor", "joint limit", "speed limit", "torque-speed", "jump",
-    "self-collision", "tilted sole", "hovering foot",
+    "self-collision", "tilted sole", "hovering foot", "grasp",
 )  # fmt: skip
 FIGURES = {
     "balance": ("floats", "friction", "tips"),
     "feet": ("tilted sole", "hovering foot", "slides", "sinks"),
     "motors": ("motor", "torque-speed", "speed limit", "joint limit"),
 }
-"""{figure of a motion: the causes that it is without}; jumps and self-collisions are of none."""
+"""{figure of a motion: the causes that it is without}; jumps, self-collisions and grasps are of none."""
 SINKS_M = 0.01
 """A point lower than this below the floor sinks [m]."""
 _SAME = 1e-6

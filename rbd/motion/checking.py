@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, check_flag, check_number
+from rbd.arrays import Array, as_finite, check_flag, check_number
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
@@ -19,6 +19,7 @@ from rbd.motion.contact_detection import NOISE, TOUCH_HEIGHT, TOUCH_SPEED, find_
 from rbd.motion.contact_lanes import REST_SPEED, TOUCHES_M
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
+from rbd.motion.grasps import Grasps
 from rbd.motion.missing_wrench import least_effort, nearest_acceleration
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import HEIGHTS, CheckSettings, MotionReport
@@ -51,6 +52,7 @@ def check_motion(
     touch_height: float = TOUCH_HEIGHT,
     touch_speed: float = TOUCH_SPEED,
     rest_speed: float = REST_SPEED,
+    grasp_tolerance: tuple[float, float] = (0.01, 0.1),
     progress: bool = True,
 ) -> MotionReport:
     """Which frames of a motion are possible, and why the others are not.
@@ -79,6 +81,7 @@ def check_motion(
         touch_height: Height up to which a foot is meant to touch [m]; see `find_contacts`.
         touch_speed: Speed up to which it is meant to [m/s].
         rest_speed: Fastest motion of a point that holds [m/s].
+        grasp_tolerance: By how much two hands may leave the grasp of an object that both hold [m, rad]; see `robot.carrying`.
         progress: Show a bar on a terminal where it takes long.
 
     Raises:
@@ -104,13 +107,15 @@ def check_motion(
     check_flag("progress", progress)
     bounds = why.torque_bounds(robot, motion.v, torque_limits, torque_speed)
     settings = CheckSettings(
-        mu, torque_limits, ground, most, bodies, self_collision, torque_speed, touch_height, touch_speed, rest_speed
-    )
+        mu, torque_limits, ground, most, bodies, self_collision, torque_speed, touch_height, touch_speed, rest_speed,
+        _grasp_tolerance(grasp_tolerance),
+    )  # fmt: skip
     lanes = _lanes(motion, contacts, settings)
     span = (0.0, float(motion.n))
     with one_blas_thread(), progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
         found = balance(motion, lanes, settings, limit, bounds, told)
-    collisions = self_collisions(robot, motion.q, *placements(robot, motion.q)) if self_collision else None
+    placed = placements(robot, motion.q)
+    collisions = self_collisions(robot, motion.q, *placed) if self_collision else None
     masks = {
         "sinks": (lanes.heights < -why.SINKS_M).any(axis=1),
         "joint limit": why.beyond_position(motion).any(axis=1),
@@ -118,6 +123,7 @@ def check_motion(
         "torque-speed": why.beyond_curves(found["tau"], bounds, limit),
         "jump": why.jumps(motion),
         "self-collision": False if collisions is None else collisions.inside,
+        "grasp": (Grasps.of(robot, *placed).errors > settings.grasp_tolerance).any(axis=(1, 2)),
     }
     for name, mask in masks.items():
         found["causes"][:, why.CAUSES.index(name)] = mask
@@ -247,6 +253,11 @@ def _limits(limit: Array, given: bool | float) -> Array:
         return limit if given else np.full_like(limit, np.inf)
     expected = "True, False, or a share of the file's limits, 0.6"
     return np.asarray(limit * check_number("torque_limits", given, 1e-6, 1e6, expected=expected))
+
+
+def _grasp_tolerance(given: object) -> tuple[float, float]:
+    length, angle = as_finite("grasp_tolerance", given, (2,), meaning="a length [m] and an angle [rad]")
+    return float(length), float(angle)
 
 
 def _lanes(motion: Motion, contacts: ContactTimeline | None, settings: CheckSettings) -> ContactTimeline:

@@ -121,6 +121,8 @@ def _own(given: ToSave) -> dict[str, Array]:
         held |= {key: np.array(texts[key]) for key in ("text", "loop_file") if texts[key]}
     if robot.motor_data:
         held["motors"] = np.array(json.dumps(plain_motors(robot.motor_data)))
+    if isinstance(robot, Robot) and robot.carried:
+        held["carried"] = np.array(json.dumps([each.plain for each in robot.carried]))
     held["notes"] = np.array(given.notes, dtype="U") if given.notes else np.array([""])[:0]
     if how is not None:
         held["derivation"], held["method"] = np.array([how.window, how.order, how.cutoff]), np.array(how.method)

@@ -51,6 +51,7 @@ from rbd.motion.file_frames import (
 )
 from rbd.motion.fitting_joints import check_joints
 from rbd.robots.loading import load_robot
+from rbd.robots.robot import with_plain_things
 from rbd.robots.travelling import given_texts
 
 NEAR, TURNED = 1e-3, 5e-3
@@ -90,19 +91,18 @@ def _stored_robot(file: NamedArrays) -> CheckedModel:
     """The robot that `Motion.save` wrote.
 
     Raises:
-        InputError: there is none, or its motors are no JSON.
+        InputError: there is none, or its motors or what it carries are no JSON.
     """
     if "robot" not in file:
         raise InputError(f"{file.path.name} does not name its robot; give it: robot='g1'.")
     texts = given_texts({key: file.text(key) for key in ("text", "loop_file") if key in file})
     robot = load_robot(file.text("robot")) if texts is None else load_robot(**texts)
-    if "motors" not in file:
-        return robot
-    text = file.text("motors")
+    given = [file.text(key) if key in file else "null" for key in ("motors", "carried")]
     try:
-        return with_plain_motors(robot, json.loads(text))
+        motors, things = map(json.loads, given)
     except json.JSONDecodeError:
-        raise InputError(f"{file.path.name}: motors is {text!r:.80}; expected JSON, as Motion.save writes it.") from None
+        raise InputError(f"{file.path.name}: motors, carried are {given!r:.80}; expected JSON of Motion.save.") from None
+    return with_plain_things(with_plain_motors(robot, motors), things)
 
 
 def _contacts(file: NamedArrays) -> tuple[StoredContacts | None, float | None]:

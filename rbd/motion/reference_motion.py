@@ -56,6 +56,8 @@ from rbd.motion.motion_files import read_frames
 from rbd.motion.motion_writing import ToSave, save_motion
 from rbd.motion.rates import checked_rates
 from rbd.motion.symmetry import mirrored, symmetry_of
+from rbd.robots.carried import Carried, carried_by
+from rbd.robots.robot import Robot
 from rbd.simulation.trajectory import Trajectory
 
 STENCIL = 1e-3
@@ -337,6 +339,22 @@ class Motion(Displayed):
             forces = as_finite("forces", forces, (self.n, len(contacts.names), 3), meaning=meaning)
         return replace(self, contacts=contacts, forces=forces)
 
+    def carrying(self, *things: Carried) -> Motion:
+        """The same motion of a robot that carries objects, taken as in the first frame; see `Robot.carrying`.
+
+        Two hands are to keep the grasp that they have there. v, a and contacts stay, forces do not; check and repair it then.
+
+        Raises:
+            InputError: what `Robot.carrying` refuses.
+
+        >>> report = rbd.check_motion(motion.carrying(rbd.Carried(3.0, ["left_wrist_yaw_link", "right_wrist_yaw_link"])))
+        """
+        if not isinstance(self.robot, Robot):
+            raise InputError(f"{self.robot.name} is a bare model; expected a robot: rbd.load_robot('g1').")
+        robot, lanes = self.robot.carrying(*things, at=self.q[0]), self.contacts
+        lanes = lanes and replace(lanes, points=replace(lanes.points, robot=robot))
+        return replace(self, robot=robot, contacts=lanes, forces=None)
+
     def resample(self, rate: float) -> Motion:
         """The motion at another rate [Hz]; q by cubics on the manifold through q and v of the frames.
 
@@ -382,8 +400,10 @@ class Motion(Displayed):
         Kinematics is mirrored to the symmetry of the robot, whose joints are checked; its masses are not.
 
         Raises:
-            InputError: a robot without a floating base, or a joint that is not the mirror image of its partner.
+            InputError: a robot without a floating base or with full hands, a joint that is not the mirror image of its partner.
         """
+        if held := carried_by(self.robot):
+            raise InputError(f"{self.robot.name} carries {held[0]}; expected free hands: motion.mirror().carrying(...).")
         symmetry = symmetry_of(self.robot)
         q, (v, a) = mirrored(self.robot, symmetry, self.q, (self.v, self.a))
         how = self.derivation

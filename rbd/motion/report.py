@@ -24,11 +24,14 @@ from rbd.motion.causes import CAUSES, FIGURES, beyond_position, beyond_speed, to
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.feet_faults import ANGLE, EXCESS, MISSING, SPEED, FeetFaults, grade
+from rbd.motion.frame_terms import placements
+from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.notes import notes_of
 from rbd.motion.repair.repairing import repaired
 from rbd.motion.self_collision import SelfCollisions
 from rbd.records import Field
+from rbd.robots.carried import carried_by
 from rbd.simulation.progress_bar import progress_of
 from rbd.simulation.trajectory_file import a_trajectory_path
 from rbd.workers import one_blas_thread
@@ -68,6 +71,7 @@ class CheckSettings(Displayed):
     touch_height: float
     touch_speed: float
     rest_speed: float
+    grasp_tolerance: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -236,14 +240,19 @@ class MotionReport(Displayed):
         return FeetFaults.of(self.lanes)
 
     @lazy
+    def grasps(self) -> Grasps:
+        """What two hands hold, and how far they leave these grasps."""
+        return Grasps.of(self.motion.robot, *placements(self.motion.robot, self.motion.q))
+
+    @lazy
     def grades(self) -> Array:
         """How near each frame is to be possible, shape (n,): 1 where it is, and less the larger its faults are.
 
         A product of 1 / (1 + x). x of balance: the missing wrench beyond the threshold over 0.1; of feet: tilt over 5 degrees,
         hover over 18 mm, slip over 20 mm/s and depth over 10 mm, summed, where feet or balance have a cause; the better of
         contacts as meant, and of those on the floor alone, of which none hovers. x of motors: torques over their bounds beyond
-        1 over 0.1, and joints over 0.1 rad and speeds over 1 rad/s beyond limits, where they have a cause. A jump and a
-        self-collision halve it.
+        1 over 0.1, and joints over 0.1 rad and speeds over 1 rad/s beyond limits, where they have a cause. A jump, a
+        self-collision and a grasp that is left halve it.
         """
         m, most = self.motion, np.maximum(self.settings.threshold, 3.0 * self.open)
         bad = self._has(*FIGURES["balance"], *FIGURES["feet"])
@@ -255,7 +264,7 @@ class MotionReport(Displayed):
             *(x.max(axis=1, initial=0.0) / unit for x, unit in ((beyond_position(m), ANGLE), (beyond_speed(m), SPEED))),
         )
         by_motors = np.where(self._has(*FIGURES["motors"]), beyond, 0.0)
-        half = 0.5 ** (self.of_cause("jump") * 1.0 + self.of_cause("self-collision"))
+        half = 0.5 ** (sum(self.of_cause(cause) * 1.0 for cause in ("jump", "self-collision", "grasp")))
         standing = np.maximum(grade([meant]) * by_feet[0], grade([strict]) * by_feet[1])
         return standing * grade(by_motors) * half
 
@@ -292,6 +301,7 @@ class MotionReport(Displayed):
             "torque-speed": np.where(np.isfinite(self.used_torque), self.used_torque, np.inf).max(axis=1, initial=0.0),
             "tilted sole": self.feet_faults.tilt.max(axis=1, initial=0.0),
             "hovering foot": self.feet_faults.hover.max(axis=1, initial=0.0),
+            "grasp": self.grasps.errors[:, :, 0].max(axis=1, initial=0.0),
             **dict.fromkeys(FIGURES["balance"], missing),
         }
         return sizes.get(cause, np.zeros(self.n))
@@ -433,6 +443,7 @@ class MotionReport(Displayed):
         return {
             "source": self.motion.source,
             "robot": self.motion.robot.name,
+            "carried": [each.plain for each in carried_by(self.motion.robot)],
             "frames": self.n,
             "duration_s": self.motion.duration,
             "possible": self.share_possible,
@@ -504,6 +515,7 @@ class MotionReport(Displayed):
         shares = [(x, 100.0 * self._without(x), None if before is None else 100.0 * before._without(x)) for x in FIGURES]  # noqa: SLF001
         lines = [
             f"{m.source}: {m.n} frames of {m.robot.name}, {m.duration:.2f} s at {m.rate:.4g} Hz",
+            *(f"  carries    {each}" for each in carried_by(m.robot)),
             f"  possible   {share} % of the frames, score {score} of 100",
             f"  {', '.join(f'{name} {_beside(now, was)}' for name, now, was in shares)} % of the frames without a fault",
             f"  feet, medians: {self.feet_faults}",
@@ -540,6 +552,8 @@ class MotionReport(Displayed):
             if cause == "self-collision" and self.collisions is not None:
                 pairs = [" and ".join(pair) for pair, at in self.collisions.pairs.items() if ((at >= first) & (at < end)).any()]
                 named = f" of {', '.join(pairs)}"
+            if cause == "grasp":
+                named = f" {self.grasps.words(first, end)}"
             out.append(f"{cause}{named}")
         return out
 
@@ -561,6 +575,8 @@ class MotionReport(Displayed):
             return f"{told}: {self.motion.robot.actuated_names[j]} {100 * self.excess[f, j]:.0f} % beyond its limit"
         if cause == "torque-speed":
             return f"{told}: {self.on_line(f)}"
+        if cause == "grasp":
+            return f"{told}: {self.grasps.words(f, f + 1)}"
         if cause == "self-collision" and self.collisions is not None:
             pairs = [" and ".join(pair) for pair, at in self.collisions.pairs.items() if f in at]
             return f"{told}: {', '.join(pairs)}"

@@ -31,8 +31,8 @@ from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.equations_of_motion import Dynamics
 from rbd.robots import catalogue
-from rbd.robots.building import Cylinder, RobotBuilder, Rod, Sphere
-from rbd.robots.building.solids import Solid
+from rbd.robots.building.builder import RobotBuilder
+from rbd.robots.building.solids import Cylinder, Rod, Solid, Sphere
 from rbd.robots.linkage import GRAVITY
 from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot

@@ -18,6 +18,7 @@ from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
+from rbd.errors.inputs import check_different, check_kind
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import Motor
 from rbd.model.pickling import Recipe, packed, unpacked
@@ -27,6 +28,7 @@ from rbd.problem.cones import Cone
 from rbd.problem.ground import On
 from rbd.robots import catalogue, travelling
 from rbd.robots.body_shapes import ShapedRobot
+from rbd.robots.carried import Carried
 from rbd.robots.diagnosis import ModelReport
 from rbd.robots.feet import contacts_of
 from rbd.robots.loop_file import Root
@@ -44,6 +46,7 @@ class Robot(ShapedRobot):
         urdf: The model file; of a robot in memory, `load_robot(text=...)`, a name in "(in memory)", where there is no file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
+        carried: What it holds in its hands, with the places that were left open; see `carrying`.
         leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
         report: What the doctor found when it was loaded; None where it was not loaded from a file.
 
@@ -86,6 +89,8 @@ class Robot(ShapedRobot):
     springs: Mapping[str, tuple[float, float]] = MappingProxyType({})
     """Springs of an MJCF's joints: {joint: (stiffness, coordinate at rest)}; `joint_springs` makes them force elements."""
 
+    carried: tuple[Carried, ...] = ()
+
     known: Recipe | None = None
     """Of a robot of the catalogue: how another process loads it."""
 
@@ -103,7 +108,15 @@ class Robot(ShapedRobot):
         postures = [(name, q.tolist()) for name, q in self.postures.items()]
         loops = pickle.dumps(self.mechanism).hex() if self.mechanism.file_name else ""
         told = self.name, self.root, sorted(self.passive), self.source.feet, self.source.posture, postures, loops
-        return repr((*told, *([sorted(self.springs.items())] if self.springs else [])))
+        held = [each.plain for each in self.carried]
+        return repr((*told, *([sorted(self.springs.items())] if self.springs else []), *held))
+
+    def _extras(self) -> tuple[Any, ...]:
+        return self.carried, super()._extras()
+
+    def _take_extras(self, extras: tuple[Any, ...]) -> None:
+        self.carried, rest = extras
+        super()._take_extras(rest)
 
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Robot:
         closed = self.mechanism if memo is None else copy.deepcopy(self.mechanism, memo)
@@ -287,6 +300,47 @@ class Robot(ShapedRobot):
         stated = rotors_of(self.element, self.urdf.name, self.source.srdf, self.limits, self.actuated_names)
         return {rotor.joint: rotor.motor for rotor in stated}
 
+    def carrying(self, *things: Carried, at: Array | str | None = None) -> Robot:
+        """The same robot with objects in its hands; this one stays as it is.
+
+        The inertia of each object is added to the bodies that hold it, so M, gravity and all that follows from them have it:
+        statics, simulation, checks and repairs of motions, controllers. With one hand the object is part of that body. With two
+        hands each bears its share, and this is exact for the robot as a whole (momentum, balance, forces of the floor) while
+        both keep their poses relative to each other; the force between them is then the one by which each moves its share, and
+        nothing squeezes the object. Nothing holds the hands together, either: see `rbd.check_motion` and
+        `MotionReport.repaired`. The object is drawn; it touches neither the robot nor the floor.
+
+        Args:
+            things: The objects, of different names.
+            at: The pose in which they are taken, q or the name of a posture: it gives the places that they leave open, of two
+                hands how these are to each other. By default the standing one; `motion.carrying` takes a motion's first frame.
+
+        Raises:
+            FrameNotFound: a grasp that is no frame of the robot, with the nearest names.
+            InputError: no objects; a robot that carries some; a grasp on the world, or two of an object on one body.
+
+        Example:
+            >>> g1 = rbd.load_robot("g1")
+            >>> loaded = g1.carrying(rbd.Carried(3.0, ["left_wrist_yaw_link"]))
+            >>> force = [rbd.hold(robot.standing(), robot.soles()).forces["left_sole"][2] for robot in (g1, loaded)]
+            >>> print(f"{force[0]:.0f} -> {force[1]:.0f} N on the left sole")
+            164 -> 194 N on the left sole
+        """
+        if not things or self.carried:
+            raise InputError(
+                f"{self.name} carries {'; '.join(map(str, self.carried)) or 'nothing'}, and {len(things)} objects are given; "
+                "expected some, all in one call, of a robot with free hands."
+            )
+        for thing in things:
+            check_kind("what is carried", thing, Carried, "rbd.Carried(mass, ['left_hand'])")
+        check_different([thing.name for thing in things], "carried objects")
+        out, state = copy.deepcopy(self), self._down() if at is None else self.at(at)
+        out.carried = tuple(thing.held(state) for thing in things)
+        for thing in out.carried:
+            for joint, _, inertia in thing.parts(self):
+                out.model.inertias[joint] += inertia
+        return out
+
     def mimics(self) -> list[JointCoupling]:
         """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""
         return mimics(self)
@@ -295,6 +349,19 @@ class Robot(ShapedRobot):
         """The state in which feet are assumed to be down: standing, else its only posture, else neutral."""
         known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
         return self.at(known) if known is None or not self.source.feet else self.standing(known)
+
+
+def with_plain_things(robot: Robot, plain: object) -> Robot:
+    """The robot that carries the objects of a list of `Carried.plain`; the same where there are none.
+
+    Raises:
+        InputError: what is no such data.
+    """
+    try:
+        things = [Carried(**each) for each in plain or ()]  # type: ignore[attr-defined]
+    except TypeError:
+        raise InputError(f"carried objects in a file are {plain!r:.80}; expected the arguments of rbd.Carried.") from None
+    return robot.carrying(*things) if things else robot
 
 
 def _robot_again(model: bytes, version: str, source: catalogue.RobotSource, *rest: Any) -> Robot:

@@ -28,7 +28,7 @@ from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
-from rbd.robots.robot import Robot
+from rbd.robots.robot import Robot, with_plain_things
 from rbd.robots.travelling import given_texts, texts_of
 from rbd.simulation.simulated_motion import Event
 from rbd.simulation.trajectory_fields import ENTRIES, WORDS, FieldColumn, Fields, columns_of, keys
@@ -225,6 +225,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "leave_out": sorted(robot.leave_out),
         "gravity": None if np.array_equal(robot.gravity, robot._as_made.gravity.linear) else robot.gravity.tolist(),
         "motor_data": plain_motors(robot.motor_data),
+        "carried": [each.plain for each in robot.carried],
     }
 
 
@@ -304,7 +305,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
             more: dict[str, Any] = {key: given.get(key) for key in ("root", "gravity", "plane")} | (text or {"loops": loops})
             more |= {key: given.get(key, ()) for key in ("passive", "package_dirs", "leave_out")}
             loaded = load_robot(file or None, limits=FileLimits(**given.get("limits", {})), **more)
-            return with_plain_motors(loaded, given.get("motor_data"))
+            return with_plain_things(with_plain_motors(loaded, given.get("motor_data")), given.get("carried"))
     except (RbdError, TypeError) as error:
         raise ModelError(
             f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."

@@ -23,6 +23,7 @@ from rbd.motion.checking import check_motion
 from rbd.motion.many_files import MotionFile, Names, list_motions
 from rbd.motion.report import MotionReport
 from rbd.records import RANKED_FILES, Field
+from rbd.robots.carried import Carried
 from rbd.studies.results import kept_names
 from rbd.studies.running import study
 from rbd.studies.tables import table
@@ -39,6 +40,7 @@ def check_motions(
     between: tuple[float | None, float | None] = (None, None),
     cutoff: float | None = None,
     lift: bool = False,
+    carry: Sequence[Carried] = (),
     repair: Mapping[str, Any] | None = None,
     workers: int | None = None,
     out: str | os.PathLike[str] | None = None,
@@ -54,6 +56,7 @@ def check_motions(
         between: From when to when each is checked [s].
         cutoff: Check each without what is faster than this [Hz].
         lift: Check each put onto the floor; for a floor that is given.
+        carry: What the robot of each carries, taken as in its first frame: see `Motion.carrying`.
         repair: Repair each and check it again: arguments of `MotionReport.repaired`, {} for the usual ones, with `out`,
             {file: where the repaired motion is written}, and `kind`, of that file.
         workers: How many processes; None: one a core, 0: this one.
@@ -94,7 +97,7 @@ def check_motions(
     known = {names[key]: each for key, each in robots.items()}
     function = partial(
         checked_file, robots=known, reading=dict(reading or {}), settings=settings, between=between, cutoff=cutoff, lift=lift,
-        repair=repair,
+        carry=carry, repair=repair,
     )  # fmt: skip
     keep: list[Any] = [*kept_names(MotionReport), {"numbers": _numbers}]
     return MotionChecks(study(function, table(columns), keep=keep, executor=workers, out=out, progress=progress), function)
@@ -111,6 +114,7 @@ def checked_file(
     between: tuple[float | None, float | None] = (None, None),
     cutoff: float | None = None,
     lift: bool = False,
+    carry: Sequence[Carried] = (),
     repair: Mapping[str, Any] | None = None,
     progress: bool = False,
 ) -> MotionReport:
@@ -126,6 +130,7 @@ def checked_file(
         between: From when to when [s].
         cutoff: Check it again without what is faster than this [Hz].
         lift: Check it again, put onto the floor.
+        carry: What its robot carries.
         repair: Repair it, and check it again; as of `check_motions`.
         progress: Show a bar while it is read and checked.
 
@@ -135,6 +140,8 @@ def checked_file(
     found = MotionFile(Path(file), robots.get(robot), motion).read(progress=progress, **reading)
     if between != (None, None):
         found = found.cut(*between)
+    if carry:
+        found = found.carrying(*carry)
     report = check_motion(found, progress=progress, **settings)
     if cutoff is not None:
         report = report.filtered(cutoff)

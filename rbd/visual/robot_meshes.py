@@ -24,6 +24,7 @@ from rbd.arrays import Array, cross_matrix
 from rbd.errors import InputError, ModelWarning
 from rbd.model.meshes import solid_hull
 from rbd.model.urdf import grouped
+from rbd.robots.carried import Carried, carried_by
 from rbd.visual import shapes
 from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR, hexadecimal
@@ -98,8 +99,9 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
 
 
 def _made(robot: Robot) -> list[RobotPart]:
+    held = [_box_of(thing, robot) for thing in carried_by(robot)]
     if parts := [part for obj in robot.visual_model.geometryObjects for part in _parts_of(obj)]:
-        return parts
+        return parts + held
     shapes = [part for obj in robot.collision_model.geometryObjects for part in _parts_of(obj)]
     # A cylinder of 2 m about a humanoid's waist is a placeholder, and would hide the robot.
     widest = PLACEHOLDER * _longest(_bones(robot.model))
@@ -108,7 +110,13 @@ def _made(robot: Robot) -> list[RobotPart]:
         for part in shapes
         if np.ptp(part.mesh.vertices, axis=0).max() < widest
     ]
-    return skeleton(robot.model, _loop_ends(robot)) + inertia_ellipsoids(robot.model) + glass
+    return skeleton(robot.model, _loop_ends(robot)) + inertia_ellipsoids(robot.model) + glass + held
+
+
+def _box_of(thing: Carried, robot: Robot) -> RobotPart:
+    """A carried object, fixed to the first hand."""
+    joint, X_JH, _ = next(thing.parts(robot))
+    return RobotPart(thing.name, joint, X_JH, shapes.box(0.5 * np.array(thing.size, float)), INERTIA_COLOR, 1.0)
 
 
 def _loop_ends(robot: Robot) -> list[tuple[int, Array]]:

@@ -23,7 +23,7 @@ PACKAGES = tuple(
 """Sub-packages and modules that users import from, besides `rbd` itself."""
 GROUPS = {
     "Robots and states": """
-        load_robot Robot RobotBuilder Motor doctor State find_pose register_constraint dynamics ExternalForce
+        load_robot Robot RobotBuilder Motor Carried doctor State find_pose register_constraint dynamics ExternalForce
     """,
     "Springs and dampers": "Spring Damper Bushing JointSpring JointDamping",
     "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",

@@ -79,7 +79,8 @@ class Feet:
     @property
     def low(self) -> Array:
         """Height of the lowest corner of each foot, shape (n, F) [m]."""
-        return np.stack([(self.p[:, f, 2, None] + self.R[:, f, 2] @ c.T).min(axis=1) for f, c in enumerate(self.corners)], 1)
+        low = [(self.p[:, f, 2, None] + self.R[:, f, 2] @ c.T).min(axis=1) for f, c in enumerate(self.corners)]
+        return np.array(low).reshape(len(self.corners), len(self.p)).T
 
     @property
     def yaw(self) -> Array:

@@ -19,6 +19,7 @@ from rbd.arrays import Array, each_times
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import speed_limits
 from rbd.motion.frame_terms import carriers, numbers_of, placements, wrench_scale
+from rbd.motion.grasps import Grasps
 from rbd.motion.repair.feet import Feet, blurred
 from rbd.motion.repair.sweep import Sweep, rates
 from rbd.motion.self_collision import BodyPairs
@@ -29,6 +30,8 @@ LOOSE = np.array([0.01, 0.01, 3e-4, 1e-3, 1e-3, 0.05])
 """The same of stances that are level but may move along the floor and turn on it."""
 KEPT = np.array([5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3])
 """The same of frames that are kept."""
+GRASP = 0.4 * KEPT
+"""The same of second hands, in the axes that first ones give them."""
 SWINGS, SOON_FREE = 0.006, 0.25
 """In the air it costs as many times less, from where a foot is this free on."""
 COM_M, COM_LOOSE = np.array([2e-3, 2e-3, 0.05]), np.array([0.03, 0.03, 0.05])
@@ -64,6 +67,7 @@ class Goals:
         com: Centre of mass, shape (n, 3) [m].
         wrenches: Forces on the feet and moments about p, in W, shape (n, F, 2, 3) [N, N m]; None: none is known.
         kept: Frames whose poses stay as they are.
+        grasps: What two hands hold.
     """
 
     R: Array
@@ -72,6 +76,7 @@ class Goals:
     com: Array
     wrenches: Array | None
     kept: Feet | None = None
+    grasps: Grasps | None = None
 
 
 class Normal:
@@ -194,6 +199,10 @@ def posed(
         if goals.kept is not None:
             kept = goals.kept
             _pose_rows(normal, sweep, kept, kept.R, kept.p, np.broadcast_to(KEPT, (*kept.p.shape[:2], 6)))
+        if goals.grasps is not None and goals.grasps.things:
+            now = goals.grasps.at(sweep.R, sweep.p)
+            unit_of = np.broadcast_to(GRASP, (*now.first.p.shape[:2], 6))
+            _pose_rows(normal, sweep, now.second, *now.goals, unit_of, now.first.joint)
         w = 1.0 / (COM_LOOSE if loose else COM_M)
         normal.add(w[:, None] * sweep.J_com, w * (goals.com - sweep.com))
         _near_rows(normal, q, reference)
@@ -228,13 +237,17 @@ def _pushed(robot: CheckedModel, q: Array, dt: float, feet: Feet, goals: Goals) 
     return sweep
 
 
-def _pose_rows(normal: Normal, sweep: Sweep, feet: Feet, R: Array, p: Array, unit: Array) -> None:
-    """Errors of the poses of frames over a unit, shape (n, F, 6): of places and rotations, in the axes of the goals R, p."""
+def _pose_rows(normal: Normal, sweep: Sweep, feet: Feet, R: Array, p: Array, unit: Array, holders: Array | None = None) -> None:
+    """Errors of the poses of frames over a unit, shape (n, F, 6): of places and rotations, in the axes of the goals R, p.
+
+    The goals move with the bodies of `holders`, of one joint a frame; None: they do not.
+    """
     now = feet.at(sweep.R, sweep.p)
     error, moves = now.error(R, p) / unit, carriers(sweep.robot)
     for f, joint in enumerate(feet.joint):
-        columns = np.flatnonzero(moves[joint])
-        J, back = sweep.J[:, :, columns], R[:, f].swapaxes(1, 2)
+        sign = moves[joint] * 1.0 - (0.0 if holders is None else moves[holders[f]])
+        columns = np.flatnonzero(sign)
+        J, back = sweep.J[:, :, columns] * sign[columns], R[:, f].swapaxes(1, 2)
         linear = J[:, :3] + np.cross(J[:, 3:], now.p[:, f, :, None], axis=1)
         rows = np.zeros((len(J), 6, sweep.robot.nv))
         rows[:, :, columns] = np.concatenate([back @ linear, back @ J[:, 3:]], axis=1) / unit[:, f, :, None]

@@ -16,6 +16,7 @@ from rbd.model.sampled_motion import cubic, cubic_rate, interpolated_q
 from rbd.motion.contact_lanes import lanes_of
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import low_passed
+from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing
 from rbd.motion.repair.posture import Goals, Reference, posed
@@ -144,11 +145,11 @@ class Course:
         course, reference, feet, kept = self, self.reference, self.feet, self.kept
         robot, dt, q = reference.robot, reference.dt, reference.q
         sweep = Sweep.of(robot, q, dt)
-        com = sweep.com
+        com, grasps = sweep.com, Grasps.of(robot, sweep.R, sweep.p)
         moment = first = blurred(sweep.moment, 0.03 / dt)
         for turns in LEVEL_TURNS:  # where would the feet stand, were they level, but free to move along the floor?
             R, p, free = course.paths()
-            q, sweep, _ = posed(q, reference, feet, Goals(R, p, free, com, None, kept), self.bodies, turns)
+            q, sweep, _ = posed(q, reference, feet, Goals(R, p, free, com, None, kept, grasps), self.bodies, turns)
             now = feet.at(sweep.R, sweep.p)
             course = replace(course, stances=tuple(s.moved_to(now) for s in course.stances))
         plan, stiff, last = course.program(com, moment).solve(), 0.0, np.inf
@@ -159,7 +160,7 @@ class Course:
             for _ in range(2 if i == 1 else 1):
                 plan = course.program(com, moment).solve(plan)
             R, p, free = course.paths(plan.shifts)
-            goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p), kept)
+            goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p), kept, grasps)
             turns = LAST_TURNS if i + 1 == len(STIFFNESS) else TURNS
             q, _, last = posed(q, reference, feet, goals, self.bodies, turns, stiff)
             sweep = Sweep.of(robot, q, dt)

@@ -152,7 +152,7 @@ def a_body(
             f"rbd.robots.PointMass({kg:g}, at=...)."
         )
     centre = np.array((0.0, 0.0, 0.0) if com is None else checked_triple(f"com of {what}", com))
-    tensor = _tensor(f"inertia of {what}", inertia)
+    tensor = inertia_matrix(f"inertia of {what}", inertia)
     if 0.0 < kg < LIGHTEST or (kg == 0.0 and tensor.any()):
         raise InputError(
             f"{what} has {f'{kg:g} kg' if kg else 'an inertia and no mass'}; no body can have that. Expected a mass of "
@@ -172,7 +172,7 @@ def _check_elements(what: str, elements: object) -> None:
         raise InputError(f"elements of {what} are {elements!r:.80}; expected <visual> and <collision> elements of a URDF.")
 
 
-def _tensor(what: str, inertia: object) -> Array:
+def inertia_matrix(what: str, inertia: object) -> Array:
     """Three moments, six entries xx, xy, xz, yy, yz, zz, or the matrix, as the matrix (3, 3)."""
     listed = isinstance(inertia, list | tuple) or (isinstance(inertia, np.ndarray) and inertia.ndim > 0)
     rows = list(inertia) if listed else []  # type: ignore[call-overload]

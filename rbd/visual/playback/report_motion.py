@@ -214,6 +214,8 @@ def _worst(report: MotionReport, cause: str) -> WorstFrame:
         told += f", {report.on_line(i)}"
     if cause == "tilted sole":
         told += f", {np.rad2deg(float(report.feet_faults.tilt[i].max())):.0f} degrees"
+    if cause == "grasp":
+        told += f", {report.grasps.words(i, i + 1)}"
     if cause == "hovering foot":
         told += f", {1e3 * float(report.feet_faults.hover[i].max()):.0f} mm above the floor"
     if cause == "sinks":
