@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -239,10 +238,7 @@ class Ranking:
         """
         self.checked = dict(checks.ranked)
         self.failed = {file: (reason, worded(message)) for file, (reason, message) in checks.failed.items()}
-        self.together = {
-            "motions": len(checks.ranked), "frames": checks.frames, "duration_s": checks.duration_s,
-            "possible": checks.possible, **checks.figures, "causes": checks.causes,
-        }  # fmt: skip
+        self.together = checks.together
 
     @property
     def ranked(self) -> list[tuple[str, dict[str, Any]]]:
@@ -259,7 +255,7 @@ class Ranking:
     def __rich__(self) -> Group:
         """How many are possible, the ranking, then the files that were not checked."""
         from rbd.motion.causes import FIGURES
-        from rbd.studies.motion_checks import short_names
+        from rbd.studies.motion_checks import beside, short_names
 
         parts: list[Any] = []
         if self.checked:
@@ -271,16 +267,16 @@ class Ranking:
             names = short_names([*self.checked])
             for file, x in self.ranked:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
-                possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
-                if "before" in x:
-                    possible = f"{100.0 * x['before']['possible']:.1f} -> {possible}"
                 table.add_row(
                     names[file], str(x["frames"]), f"{x['duration_s']:.2f}", f"{x['score']:.1f}",
-                    *(f"{100.0 * x[figure]:.0f} %" for figure in FIGURES), possible,
+                    *(f"{beside(x, figure)} %" for figure in FIGURES), f"{beside(x, 'possible', 1)} %",
                     joined((f"{name} {count}" for name, count in causes), CAUSES_SHOWN),
                 )  # fmt: skip
             note = "balance, feet, motors: share of the frames without a fault of theirs; possible: without any; score: of 100"
             parts += [Text(f"{good} of {motions} possible{share}."), table, Text(note)]
+            if self.together:
+                shares = ", ".join(f"{name} {beside(self.together, name, 1)} %" for name in ("possible", *FIGURES))
+                parts.append(Text(f"of all {self.together['frames']:,} frames: {shares}"))
         if self.failed:
             rows = [(file, why) for file, (_, why) in self.failed.items()]
             parts.append(facts(f"not checked: {counted(len(rows), 'file')}", rows))

@@ -124,14 +124,18 @@ def standing_q(robot: CheckedModel) -> Array:
     return robot.posture(name) if isinstance(robot, Robot) and (name := robot.source.posture) else pin.neutral(robot.model)
 
 
+class OtherRate(InputError):
+    """The rate that was given is not that of the file."""
+
+
 def check_same_rate(rate: float | None, own: float, where: str) -> None:
     """Refuse a rate that is off by more than 1 % from that of a file.
 
     Raises:
-        InputError: they differ.
+        OtherRate: they differ.
     """
     if rate is not None and abs(rate / own - 1.0) > 0.01:
-        raise InputError(f"rate is {rate:g}, but {where} {own:.6g} Hz. Leave out rate.")
+        raise OtherRate(f"rate is {rate:g}, but {where} {own:.6g} Hz. Leave out rate.")
 
 
 def counts_frames(t: Array) -> bool:

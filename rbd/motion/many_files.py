@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 from zipfile import BadZipFile, ZipFile
@@ -15,6 +15,7 @@ from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.array_files import motion_names
+from rbd.motion.file_frames import OtherRate
 from rbd.motion.motion_files import PICKLES, SUFFIXES
 from rbd.motion.reference_motion import Motion
 from rbd.robots.loading import load_robot
@@ -42,9 +43,13 @@ class MotionFile(Displayed):
     name: str = ""
 
     def read(self, **settings: Any) -> Motion:
-        """The motion; arguments and errors as `Motion.read`."""
-        named: dict[str, Any] = {"motion": self.name} if self.name else {}
-        return Motion.read(self.path, robot=self.robot, **named, **settings)
+        """The motion; arguments and errors as `Motion.read`, but files that have a rate keep it, with a note."""
+        given = settings | {"robot": self.robot} | ({"motion": self.name} if self.name else {})
+        try:
+            return Motion.read(self.path, **given)
+        except OtherRate as error:
+            found = Motion.read(self.path, **given | {"rate": None})
+            return replace(found, notes=(*found.notes, f"its own rate was kept: {str(error).removesuffix(' Leave out rate.')}"))
 
     def __str__(self) -> str:
         return f"{self.path}[{self.name}]" if self.name else str(self.path)

@@ -100,7 +100,13 @@ def check_motions(
         carry=carry, repair=repair,
     )  # fmt: skip
     keep: list[Any] = [*kept_names(MotionReport), {"numbers": _numbers}]
-    return MotionChecks(study(function, table(columns), keep=keep, executor=workers, out=out, progress=progress), function)
+    found = study(function, table(columns), keep=keep, executor=workers, out=out, progress=progress)
+    written, done = (repair or {}).get("out", {}), found["ok"].values
+    gone = [i for i, file in enumerate(listed) if done[i] and not os.path.exists(written.get(str(file), os.curdir))]
+    if gone:  # repaired motions that were written before the store went on, and are no longer there
+        again = {name: [each[i] for i in gone] for name, each in columns.items()}
+        study(function, table(again), keep=keep, executor=workers, progress=progress)
+    return MotionChecks(found, function)
 
 
 def checked_file(
@@ -164,15 +170,34 @@ def short_names(files: Sequence[str]) -> dict[str, str]:
 
 
 def numbers_of(report: MotionReport) -> dict[str, Any]:
-    """The summary of a report, of the one before it, and its worst frame with the robot's configuration there."""
-    worst = int(np.argmin(report.grades))
-    frame = {
-        "frame": worst, "t_s": float(report.motion.t[worst]), "q": report.motion.q[worst].tolist(),
-        "missing": (report.missing[worst, :3] / (report.motion.robot.mass * 9.81)).tolist(),
-        "causes": [cause for cause in CAUSES if report.of_cause(cause)[worst]],
-    }  # fmt: skip
-    before = {} if report.before is None else {"before": report.before.summary()}
-    return report.summary() | before | {"worst": frame}
+    """The summary of a report, and of the one before it, each with the worst frame of the first: what the robot does there."""
+    worst, out = int(np.argmin(report.grades)), list[dict[str, Any]]()
+    for each in (report, report.before):
+        if each is not None:
+            frame = {
+                "frame": worst, "t_s": float(each.motion.t[worst]), "q": each.motion.q[worst].tolist(),
+                "missing": (each.missing[worst, :3] / (each.motion.robot.mass * 9.81)).tolist(),
+                "causes": [cause for cause in CAUSES if each.of_cause(cause)[worst]],
+            }  # fmt: skip
+            out.append(each.summary() | {"worst": frame})
+    return out[0] | ({"before": out[1]} if len(out) > 1 else {})
+
+
+def together(numbers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What motions are together: how many, frames, seconds, shares of the frames, and of each cause, most frequent first."""
+    frames = sum(x["frames"] for x in numbers)
+    shares = {name: float(sum(x[name] * x["frames"] for x in numbers) / max(frames, 1)) for name in ("possible", *FIGURES)}
+    causes = {cause: sum(x["causes"].get(cause, 0) for x in numbers) / max(frames, 1) for cause in CAUSES}
+    found = sorted(((cause, share) for cause, share in causes.items() if share), key=lambda each: -each[1])
+    duration = float(sum(x["duration_s"] for x in numbers))
+    return {"motions": len(numbers), "frames": frames, "duration_s": duration, **shares, "causes": dict(found)}
+
+
+def beside(numbers: Mapping[str, Any], name: str, digits: int = 0) -> str:
+    """A share as text [%], behind what it was before the motions were changed, if they were: "2 -> 98"."""
+    shares = ([numbers["before"][name]] if "before" in numbers else []) + [numbers[name]]
+    most = 100.0 - 10.0**-digits  # one bad frame of many is not rounded away
+    return " -> ".join(f"{100.0 * share if share == 1.0 else min(100.0 * share, most):.{digits}f}" for share in shares)
 
 
 def _numbers(report: MotionReport) -> str:
@@ -201,11 +226,7 @@ class MotionChecks(Displayed):
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("rbd", (), "", "version", lambda found: VERSION),
-        Field("frames", (), "1", "of all motions"),
-        Field("duration_s", (), "s", "of all motions"),
-        Field("possible", (), "1", "share of the frames of all motions that are possible"),
-        Field("figures", (), "1", "shares of the frames without a fault of balance, feet and motors"),
-        Field("causes", (), "1", "{cause: share of the frames of all motions}"),
+        Field("together", (), "", "shares of the frames of all motions, and how many they are"),
         *RANKED_FILES,
     )  # fmt: skip
 
@@ -253,51 +274,30 @@ class MotionChecks(Displayed):
         sample = self.dataset.isel(sample=self._files.index(file))
         return self.check(**{name: str(sample[name].values) for name in ("file", "motion", "robot")})
 
-    @property
-    def frames(self) -> int:
-        """How many frames the motions have together."""
-        return sum(x["frames"] for _, x in self.ranked)
-
-    @property
-    def duration_s(self) -> float:
-        """How long they last together [s]."""
-        return float(sum(x["duration_s"] for _, x in self.ranked))
-
-    @property
-    def possible(self) -> float:
-        """The share of their frames that are possible."""
-        return self._mean("possible")
-
-    @property
-    def figures(self) -> dict[str, float]:
-        """{balance, feet, motors: share of their frames without a fault of it}."""
-        return {name: self._mean(name) for name in FIGURES}
-
-    @property
-    def causes(self) -> dict[str, float]:
-        """{cause: share of their frames that have it}, most frequent first."""
-        found = {c: sum(x["causes"].get(c, 0) for _, x in self.ranked) / max(self.frames, 1) for c in CAUSES}
-        return dict(sorted(((c, x) for c, x in found.items() if x), key=lambda each: -each[1]))
-
-    def _mean(self, name: str) -> float:
-        return float(sum(x[name] * x["frames"] for _, x in self.ranked) / max(self.frames, 1))
+    @lazy
+    def together(self) -> dict[str, Any]:
+        """What `together` says of them, and of them `before` they were repaired, lifted or filtered."""
+        found = [x for _, x in self.ranked]
+        before = [x["before"] for x in found if "before" in x]
+        return together(found) | ({"before": together(before)} if before else {})
 
     def export(self, folder: str | os.PathLike[str], **settings: Any) -> Path:
         """Write the page of the data set into a folder; returns its path. See `rbd.visual.export_motion_checks`."""
         return drawing("export_motion_checks")(self, folder, **settings)
 
     def __str__(self) -> str:
-        n, share = len(self.ranked), 100.0 * self.possible
-        figures = ", ".join(f"{name} {100.0 * x:.1f}" for name, x in self.figures.items())
+        x, n = self.together, len(self.ranked)
+        possible, *shares = (beside(x, name, 1) for name in ("possible", *FIGURES))
+        figures = ", ".join(f"{name} {share}" for name, share in zip(FIGURES, shares, strict=True))
         lines = [
-            f"{n} motion{'s' * (n != 1)}, {self.frames} frames, {self.duration_s:.2f} s: {share:.1f} % possible; {figures} %",
+            f"{n} motion{'s' * (n != 1)}, {x['frames']} frames, {x['duration_s']:.2f} s: {possible} % possible; {figures} %",
             f"  score  {'  '.join(f'{name:>5}' for name in FIGURES)}  possible  motion",
         ]
         for file, x in self.ranked:
-            shares = "".join(f"{100.0 * x[name]:{max(len(name), 5) + 2}.0f}" for name in FIGURES)
-            lines.append(f"{x['score']:7.0f}{shares}{100.0 * x['possible']:10.0f}  {file}")
-        if self.causes:
-            lines.append(", ".join(f"{cause} in {100.0 * x:.1f}" for cause, x in self.causes.items()) + " % of the frames")
+            each = "".join(f"{beside(x, name):>{max(len(name), 5) + 2}}" for name in FIGURES)
+            lines.append(f"{x['score']:7.0f}{each}{beside(x, 'possible'):>10}  {file}")
+        if causes := self.together["causes"]:
+            lines.append(", ".join(f"{cause} in {100.0 * share:.1f}" for cause, share in causes.items()) + " % of the frames")
         if self.failed:
             many = len(self.failed) != 1
             lines.append(f"{len(self.failed)} file{'s were' if many else ' was'} not checked: {', '.join(self.failed)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import shlex
@@ -14,11 +15,14 @@ from typing import Any
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD, in_use
 from rbd.model.content_hash import digest, name_of
+from rbd.records import joined
 
 FORMAT, VERSION = "rbd study", 2
 """What a store is, and the version of its layout; a store of another one is refused."""
 PACKAGES = ("pin", "numpy", "scipy", "proxsuite", "clarabel", "daqp", "numba")
 """Packages on which the bits of results can depend."""
+MOST_TOLD = 3
+"""Arguments in a message."""
 SAME = ("function", "function_sha256", "samples_sha256", "seed", "keep", "batched")
 """Attributes that do not differ between the parts of a study."""
 
@@ -45,6 +49,7 @@ def attributes_of(
         "format": f"{FORMAT} {VERSION}",
         "function": name_of(function),
         "function_sha256": _identity(function, stored),
+        "arguments": _arguments(function),
         "samples": " x ".join(f"{n:,} {dim}" for dim, n in samples.dims.items()) or "1",
         "samples_sha256": samples.digest(),
         "seed": seed if abs(seed) < 2**31 else str(seed),
@@ -66,6 +71,18 @@ def _identity(function: Callable[..., Any], stored: bool) -> str:
         if stored:
             raise
         return f"cannot be counted: {error}"
+
+
+def _arguments(function: Callable[..., Any]) -> str:
+    """{name: what it is} of the arguments that a `functools.partial` has already, as JSON; those of mappings one by one."""
+    found, left = dict[str, str](), list(getattr(function, "keywords", {}).items())
+    while left:
+        name, value = left.pop()
+        if isinstance(value, Mapping):
+            left += [(f"{name}.{key}", each) for key, each in value.items()]
+        else:
+            found[name] = f"{value!r:.200}"
+    return json.dumps(found)
 
 
 def storable(text: str) -> str:
@@ -112,6 +129,12 @@ def continued(old: Mapping[str, Any], new: Mapping[str, Any], path: str) -> dict
         "that it uses, as they are when the study starts",
         "samples_sha256": f"the samples are others ({new.get('samples')}; the store has {old.get('samples')})",
     }
+    was, given = (json.loads(each.get("arguments", "{}")) for each in (old, new))
+    none = "not given"
+    names = [name for name in sorted({*was, *given}) if was.get(name) != given.get(name)]
+    if names:
+        changed = (f"{name} is {given.get(name, none)} and was {was.get(name, none)}" for name in names)
+        texts["function_sha256"] = joined(changed, MOST_TOLD)
     differing = [name for name in SAME if old.get(name) != new[name]]
     if differing:
         told = [texts.get(name) or f"{name} is {new[name]!r:.200}, and was {old.get(name)!r:.200}" for name in differing]

@@ -29,6 +29,15 @@ _HISTOGRAMS = (
     ("tilt_rad", "tilt of soles, median", "degrees", 180.0 / np.pi, None),
     ("hover_m", "hover of feet, median", "mm", 1e3, None), ("slip_m_s", "slip of feet, median", "mm/s", 1e3, None),
 )  # fmt: skip
+_COLUMNS = (
+    ("score", 1.0, 1), *((name, 100.0, 0) for name in (*FIGURES, "possible")), ("tilt_rad", 180.0 / np.pi, 1),
+    ("hover_m", 1e3, 1), ("slip_m_s", 1e3, 1), ("missing_median", 100.0, 1),
+)  # fmt: skip
+"""Of the table of all: number, its factor, decimals."""
+GREY = "#b8c2cc"
+"""What was before."""
+TOLD = (NOTHING, "its own rate was kept")
+"""Notes that are listed begin so."""
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -48,9 +57,13 @@ p { margin: 4px 0; } .quiet { color: #52606d; } a { color: #0b5d94; }
 .bars { display: grid; grid-template-columns: max-content 1fr max-content; gap: 4px 10px; align-items: center; }
 .bar { height: 13px; border-radius: 2px; min-width: 1px; } .right { text-align: right; }
 figure { margin: 0; flex: 0 1 170px; } figure svg { display: block; width: 100%; height: auto; }
-figcaption { font-size: 13px; line-height: 17px; overflow-wrap: anywhere; }
+figcaption { margin-top: 4px; font-size: 13px; line-height: 17px; overflow-wrap: anywhere; }
 .worst { display: grid; grid-template-columns: repeat(auto-fill, minmax(170px, 1fr)); gap: 16px; }
 .worst figure { width: auto; border: 1px solid #d9e2ec; border-radius: 6px; padding: 8px; }
+.worst.wide { grid-template-columns: repeat(auto-fill, minmax(340px, 1fr)); }
+.stills { display: flex; gap: 10px; margin-top: 6px; font-size: 13px; line-height: 17px; }
+.stills div { flex: 1; min-width: 0; }
+.was { color: #7b8794; font-weight: normal; font-size: 0.8em; }
 .worst img { display: block; width: 100%; aspect-ratio: 1; object-fit: contain; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; width: 100%; }
 th, td { padding: 4px 8px; text-align: right; white-space: nowrap; border-bottom: 1px solid #e4e9ee; }
@@ -104,22 +117,28 @@ def export_motion_checks(checks: Any, folder: str | os.PathLike[str], *, pages: 
     for file, numbers in checks.ranked[::-1][:pages]:
         report, name = checks.report(file), _free(Path(file).stem, links.values())
         links[file] = report.export(place / name, **settings).name
-        worst.append(_card(file, numbers, links[file], still(
-            report.motion.robot, np.array(numbers["worst"]["q"]), ground=numbers["ground_m"], push=numbers["worst"]["missing"]
-        )))  # fmt: skip
+        stills = [
+            still(report.motion.robot, np.array(x["worst"]["q"]), ground=x["ground_m"], push=x["worst"]["missing"])
+            for x in _both(numbers)
+        ]
+        worst.append(_card(file, numbers, links[file], stills))
     robots = ", ".join(sorted({x["robot"] for _, x in checks.ranked}))
     title = f"{len(checks.ranked)} motions of {robots}"
-    s = checks.ranked[0][1]["settings"]
+    s, x = checks.ranked[0][1]["settings"], checks.together
     about = (
-        f"{checks.frames:,} frames, {checks.duration_s / 60.0:.1f} min. Friction {s['friction']:g}, {100 * s['threshold']:g} % "
+        f"{x['frames']:,} frames, {x['duration_s'] / 60.0:.1f} min. Friction {s['friction']:g}, {100 * s['threshold']:g} % "
         f"of the weight may be missing, feet are meant to touch up to {1e3 * s['touch_height']:g} mm. rbd {VERSION}."
     )
-    parts = [_tiles(checks), _causes(checks), _histograms([x for _, x in checks.ranked])]
+    if "before" in x:
+        about += " Grey: before the motions were changed."
+    numbers = [each for _, each in checks.ranked]
+    parts = [_tiles(x, numbers), _causes(x, numbers), _histograms(numbers)]
     if worst:
-        parts.append(f"<h2>The worst motions, at their worst frames</h2><div class='worst'>{''.join(worst)}</div>")
-    notes = {file: " ".join(told) for file, x in checks.ranked if (told := [n for n in x["notes"] if n.startswith(NOTHING)])}
+        wide = " wide" * ("before" in x)
+        parts.append(f"<h2>The worst motions, at their worst frames</h2><div class='worst{wide}'>{''.join(worst)}</div>")
+    notes = {file: " ".join(told) for file, x in checks.ranked if (told := [n for n in x["notes"] if n.startswith(TOLD)])}
     failed = {file: message for file, (_, message) in checks.failed.items()}
-    parts += [_all(checks, links), _told("Without contacts for long", notes), _told("Not checked", failed)]
+    parts += [_all(checks, links), _told("To be looked at", notes), _told("Not checked", failed)]
     path = place / "index.html"
     write_text(path, _PAGE.substitute(title=html.escape(title), about=html.escape(about), body="\n".join(parts)))
     return path
@@ -134,80 +153,105 @@ def _free(stem: str, taken: Iterable[str]) -> str:
     return name
 
 
+def _both(x: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The numbers before a motion was changed, if it was, and its own."""
+    return [*([x["before"]] if "before" in x else []), x]
+
+
+def _beside(texts: Iterable[str]) -> str:
+    """What was, in grey, and what is."""
+    *was, now = texts
+    return "".join(f"<span class='was'>{each} &rarr;</span> " for each in was) + now
+
+
 def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 
-def _tiles(checks: Any) -> str:
-    scores = [x["score"] for _, x in checks.ranked]
+def _tiles(whole: Mapping[str, Any], numbers: Sequence[Mapping[str, Any]]) -> str:
+    scores = [[each["score"] for each in some] for some in zip(*map(_both, numbers), strict=True)]
     rows = [
-        ("possible", _percent(checks.possible), "of the frames, without any cause"),
-        *((name, _percent(x), "of the frames without a fault") for name, x in checks.figures.items()),
-        ("score", f"{np.median(scores):.0f}", f"median; {min(scores):.0f} to {max(scores):.0f} of 100"),
+        (name, _beside(_percent(x[name]) for x in _both(whole)), f"of the frames without {fault}")
+        for name, fault in (("possible", "any cause"), *((name, "a fault") for name in FIGURES))
     ]
+    told = f"median; {min(scores[-1]):.0f} to {max(scores[-1]):.0f} of 100"
+    rows.append(("score", _beside(f"{np.median(some):.0f}" for some in scores), told))
     tiles = (f"<div class='tile'>{name}<b>{value}</b><span class='quiet'>{words}</span></div>" for name, value, words in rows)
     return f"<div class='row' style='margin-top:16px'>{''.join(tiles)}</div>"
 
 
-def _causes(checks: Any) -> str:
-    colors, n = cause_colors(), len(checks.ranked)
-    motions = {cause: sum(cause in x["causes"] for _, x in checks.ranked) for cause in checks.causes}
-    rows = [(c, x, colors[c], f"{_percent(x)}, {motions[c]} of {n} motions") for c, x in checks.causes.items()]
-    weights = np.array([x["frames"] for _, x in checks.ranked], float)
-    heights = checks.ranked[0][1]["possible_at_mm"]
-    at = {h: float(np.average([x["possible_at_mm"][h] for _, x in checks.ranked], weights=weights)) for h in heights}
-    more = [(f"{h} mm", share, "#8fa3b5", _percent(share)) for h, share in at.items()]
+def _causes(whole: Mapping[str, Any], numbers: Sequence[Mapping[str, Any]]) -> str:
+    colors, n, both = cause_colors(), len(numbers), [x["causes"] for x in _both(whole)]
+    named = sorted({cause for causes in both for cause in causes}, key=lambda cause: -both[0].get(cause, 0.0))
+    rows = []
+    for cause in named:
+        shares, motions = [causes.get(cause, 0.0) for causes in both], sum(cause in x["causes"] for x in numbers)
+        rows.append((cause, shares, colors[cause], f"{_beside(map(_percent, shares))}, {motions} of {n} motions"))
+    weights, more = np.array([x["frames"] for x in numbers], float), []
+    for h in numbers[0]["possible_at_mm"]:
+        each = np.array([[x["possible_at_mm"][h] for x in _both(motion)] for motion in numbers])
+        at = np.average(each, axis=0, weights=weights).tolist()
+        more.append((f"{h} mm", at, "#0072b2", _beside(map(_percent, at))))
     return (
         f"<div class='row' style='gap:40px'><div style='flex:2 1 480px'><h2>Causes, share of the frames</h2>{_bars(rows)}</div>"
         f"<div style='flex:1 1 300px'><h2>Possible if points up to a height touched</h2>{_bars(more)}</div></div>"
     )
 
 
-def _bars(rows: Sequence[tuple[str, float, str, str]]) -> str:
-    each = (
-        f"<span>{name}</span><div class='bar' style='width:{100.0 * share:.2f}%;background:{color}'></div>"
-        f"<span class='right quiet'>{words}</span>"
-        for name, share, color, words in rows
-    )
-    return f"<div class='bars'>{''.join(each)}</div>"
+def _bars(rows: Sequence[tuple[str, Sequence[float], str, str]]) -> str:
+    """A bar for each share, those before in grey above it."""
+    out = []
+    for name, shares, color, words in rows:
+        bars = "".join(
+            f"<div class='bar' style='width:{100.0 * share:.2f}%;height:{13 // (len(shares) - i)}px;background:{fill}'></div>"
+            for i, (share, fill) in enumerate(zip(shares, [GREY, color][-len(shares) :], strict=True))
+        )
+        out.append(f"<span>{name}</span><div>{bars}</div><span class='right quiet'>{words}</span>")
+    return f"<div class='bars'>{''.join(out)}</div>"
 
 
 def _histograms(numbers: Sequence[Mapping[str, Any]]) -> str:
     figures = (
-        _histogram(title, unit, factor * np.array([x[name] for x in numbers]), top)
+        _histogram(title, unit, factor * np.array([[x[name] for x in _both(motion)] for motion in numbers]), top)
         for name, title, unit, factor, top in _HISTOGRAMS
     )
     return f"<h2>Over the motions</h2><div class='row'>{''.join(figures)}</div>"
 
 
 def _histogram(title: str, unit: str, values: np.ndarray, top: float | None) -> str:
-    """How many motions have which value: bars, with the ends of the axis and the median."""
+    """How many motions have which value, shape (motions, 1), or (motions, 2) with that before, in grey; and the median."""
     most = top or max(float(np.ceil(values.max(initial=0.0))), 1.0)
-    counts, _ = np.histogram(values.clip(0.0, most), bins=BINS, range=(0.0, most))
-    wide, high = 180.0 / BINS, 80.0 / max(counts.max(), 1)
+    counts = [np.histogram(x.clip(0.0, most), bins=BINS, range=(0.0, most))[0] for x in values.T]
+    wide, high = 180.0 / BINS, 80.0 / max(np.max(counts), 1)
     bars = "".join(
-        f"<rect x='{i * wide + 1:.1f}' y='{90 - c * high:.1f}' width='{wide - 2:.1f}' height='{c * high:.1f}' fill='#0072b2'>"
-        f"<title>{c} motions from {i * most / BINS:.3g} to {(i + 1) * most / BINS:.3g} {unit}</title></rect>"
-        for i, c in enumerate(counts.tolist()) if c
+        f"<rect x='{i * wide + 1 + 3 * k:.1f}' y='{90 - c * high:.1f}' width='{wide - 2 - 6 * k:.1f}' height='{c * high:.1f}' "
+        f"fill='{fill}'><title>{c} motions from {i * most / BINS:.3g} to {(i + 1) * most / BINS:.3g} {unit}</title></rect>"
+        for k, (some, fill) in enumerate(zip(counts, [GREY, "#0072b2"][-len(counts) :], strict=True))
+        for i, c in enumerate(some.tolist()) if c
     )  # fmt: skip
-    median = round(float(np.median(values)), 6)
-    x = 180.0 * min(median / most, 1.0)
+    medians = np.median(values, axis=0).round(6).tolist()
+    x, words = 180.0 * min(medians[-1] / most, 1.0), _beside(f"{each:.3g}" for each in medians)
     text = "<text y='106' font-size='11' fill='#52606d'"
     return (
         f"<figure><svg viewBox='-4 0 188 110' role='img' aria-label='{title}'>{bars}<path d='M0 90H180' stroke='#9aa5b1'/>"
         f"<path d='M{x:.1f} 4V90' stroke='#d55e00' stroke-dasharray='3 2'/>{text} x='0'>0</text>"
         f"{text} x='180' text-anchor='end'>{most:g}</text></svg>"
-        f"<figcaption>{title}: {median:.3g} {unit if unit != 'score' else ''} in the median</figcaption></figure>"
+        f"<figcaption>{title}: {words} {unit if unit != 'score' else ''} in the median</figcaption></figure>"
     )
 
 
-def _card(file: str, x: Mapping[str, Any], page: str, picture: bytes) -> str:
-    worst, data = x["worst"], base64.b64encode(picture).decode()
-    told = ", ".join(worst["causes"]) or "possible"
+def _card(file: str, x: Mapping[str, Any], page: str, stills: Sequence[bytes]) -> str:
+    """A motion at its worst frame, beside what it was there; what a repair says of its longest time that is not possible."""
+    alt, parts = html.escape(x["robot"]), []
+    for each, picture in zip(_both(x), stills, strict=True):
+        told, data = ", ".join(each["worst"]["causes"]) or "possible", base64.b64encode(picture).decode()
+        words = f"{each['worst']['t_s']:.2f} s, {100.0 * each['possible']:.0f} % possible: {told}"
+        parts.append(f"<div><img src='data:image/png;base64,{data}' alt='{alt}'><span class='quiet'>{words}</span></div>")
+    why = next((note for note in x["notes"] if note.startswith("not possible from")), "")
+    score = _beside(f"{each['score']:.0f}" for each in _both(x))
     return (
-        f"<figure><a href='{html.escape(page)}'><img src='data:image/png;base64,{data}' alt='{html.escape(x['robot'])}'></a>"
-        f"<figcaption><a href='{html.escape(page)}'>{html.escape(Path(file).name)}</a><br>score {x['score']:.0f}<br>"
-        f"<span class='quiet'>{worst['t_s']:.2f} s: {told}</span></figcaption></figure>"
+        f"<figure><a href='{html.escape(page)}'>{html.escape(Path(file).name)}</a>, score {score}"
+        f"<div class='stills'>{''.join(parts)}</div><figcaption class='quiet'>{html.escape(why)}</figcaption></figure>"
     )
 
 
@@ -217,12 +261,13 @@ def _all(checks: Any, links: Mapping[str, str]) -> str:
     for file, x in checks.ranked:
         name = html.escape(checks.names[file])
         shown = f"<a href='{html.escape(links[file])}'>{name}</a>" if file in links else name
-        shares = [100.0 * x[each] for each in (*FIGURES, "possible")]
-        sizes = np.rad2deg(x["tilt_rad"]), 1e3 * x["hover_m"], 1e3 * x["slip_m_s"], 100.0 * x["missing_median"]
-        cells = [f"{x['duration_s']:.1f}", f"{x['score']:.1f}", *(f"{v:.0f}" for v in shares), *(f"{v:.1f}" for v in sizes)]
+        cells = [(f"{x['duration_s']:.1f}", x["duration_s"])]
+        for each, factor, digits in _COLUMNS:
+            cells.append((_beside(f"{factor * some[each]:.{digits}f}" for some in _both(x)), x[each]))
         causes = sorted(x["causes"].items(), key=lambda each: -each[1])[:3]
         told = ", ".join(f"{cause} {100.0 * count / x['frames']:.0f} %" for cause, count in causes)
-        rows.append(f"<tr><td>{shown}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}<td class='left'>{told}</td></tr>")
+        row = "".join(f"<td data-value='{value:.6g}'>{cell}</td>" for cell, value in cells)
+        rows.append(f"<tr><td>{shown}</td>{row}<td class='left'>{told}</td></tr>")
     head = "".join(f"<th{' class=left' * (name == 'causes')}>{name}</th>" for name in heads)
     return (
         "<h2>All motions, best first</h2><p class='quiet'>balance, feet, motors: % of the frames without a fault of theirs; "

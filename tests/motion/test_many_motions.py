@@ -48,6 +48,18 @@ def test_each_is_read_or_its_error_stands_in_its_place(folder):
     assert "cannot be read" in str(rest[2][1])
 
 
+def test_files_with_a_rate_keep_it(folder, g1, tmp_path):
+    """The rate that is given is of the files without one; alone a file with another one is refused."""
+    motion = Motion.read(folder / "a.npz")
+    motion.save(tmp_path / "a.npz", kind="mujoco")
+    motion.save(tmp_path / "b.csv", header=False)
+    one, two = (motion for _, motion in read_all(tmp_path, robot=g1, rate=30.0))
+    assert (round(one.rate), round(two.rate)) == (50, 30)
+    assert one.notes[-1] == "its own rate was kept: rate is 30, but frequency in a.npz is 50 Hz."
+    with pytest.raises(InputError, match="Leave out rate"):
+        Motion.read(tmp_path / "a.npz", robot=g1, rate=30.0)
+
+
 def test_a_mapping_gives_each_robot_its_files(folder, g1):
     """Robots by name or as they are; loaded once, and they travel to other processes."""
     listed = list_motions({g1: [folder / "a.npz"], "solo12": folder / "more/b.npz"})

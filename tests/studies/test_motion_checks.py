@@ -50,8 +50,8 @@ def test_numbers_are_those_of_each_motion(folder: Path, checks: MotionChecks) ->
         assert float(row.balance) == report.balance and int(row.frames) == report.n
         assert numbers["worst"]["q"] == report.motion.q[numbers["worst"]["frame"]].tolist()
     possible, causes = (np.concatenate([getattr(r, name) for r in reports.values()]) for name in ("possible", "causes"))
-    assert checks.frames == len(possible) and checks.possible == pytest.approx(possible.mean())
-    assert checks.causes == pytest.approx({c: x for c, x in zip(CAUSES, causes.mean(axis=0), strict=True) if x})
+    assert checks.together["frames"] == len(possible) and checks.together["possible"] == pytest.approx(possible.mean())
+    assert checks.together["causes"] == pytest.approx({c: x for c, x in zip(CAUSES, causes.mean(axis=0), strict=True) if x})
     assert list(checks.failed) == [str(folder / "broken.csv")]
     assert checks.failed[str(folder / "broken.csv")][0] == Reason.BAD_INPUT
     assert str(checks).endswith("broken.csv") and "1 file was not checked" in str(checks)
@@ -114,9 +114,52 @@ def test_the_page_has_all_motions_and_asks_for_nothing(checks: MotionChecks, tmp
 def test_a_data_set_of_files_that_cannot_be_read_has_no_page(folder: Path, tmp_path: Path) -> None:
     """It is said; the dataset has the reasons."""
     found = check_motions(folder / "broken.csv", robot="solo12", workers=0)
-    assert not found.ranked and found.frames == 0 and found.possible == 0.0
+    assert not found.ranked and found.together["frames"] == 0 and found.together["possible"] == 0.0
     with pytest.raises(InputError, match="no motion was checked"):
         found.export(tmp_path / "report")
+
+
+@pytest.fixture(scope="module")
+def repaired(tmp_path_factory: pytest.TempPathFactory) -> tuple[MotionChecks, dict[str, object]]:
+    """A leg of Solo12 that is lifted too fast, and one that stands, repaired, in a store; with the arguments of the call."""
+    top: Path = tmp_path_factory.mktemp("repaired")
+    solo = rbd.load_robot("solo12")
+    low, lean = solo.standing().q, solo.standing().q + 0.02 * np.eye(solo.nq)[1]
+    for poses, name in (([low, low], "stands"), ([low, lean, low], "slides")):
+        rbd.motion.minimum_jerk(solo, poses, np.linspace(0.0, 0.8, len(poses)), rate=50.0).save(top / f"{name}.npz")
+    files = sorted(top.glob("*.npz"))
+    how = {"out": {str(file): str(top / f"{file.stem}_out.npz") for file in files}, "kind": "mujoco"}
+    given = {"files": files, "robot": solo, "workers": 0, "out": top / "checks.zarr", "progress": False, "repair": how}
+    return check_motions(**given), given
+
+
+def test_what_was_before_a_repair_stands_beside(repaired: tuple[MotionChecks, dict[str, object]], tmp_path: Path) -> None:
+    """In the totals, the table, and on the page: two pictures of each motion at the same frame."""
+    checks, _ = repaired
+    whole = checks.together
+    assert whole["before"]["frames"] == whole["frames"] and whole["before"]["feet"] < whole["feet"] == whole["possible"] == 1.0
+    assert "-> 100.0 % possible" in str(checks) and str(checks).count(" -> 100") > 8
+    for _, numbers in checks.ranked:
+        assert numbers["before"]["worst"]["frame"] == numbers["worst"]["frame"]
+    text = checks.export(tmp_path / "page", pages=1).read_text()
+    assert text.count("<img src='data:image/png;base64,") == 2 and "Grey: before" in text and "None" not in text
+    assert text.count("<span class='was'>") > 30
+
+
+def test_a_store_of_repairs_goes_on_and_names_other_options(repaired: tuple[MotionChecks, dict[str, object]]) -> None:
+    """What is done is not done again, but a repaired motion that is gone is written; other options are refused by name."""
+    checks, given = repaired
+    how: dict[str, dict[str, str]] = given["repair"]  # type: ignore[assignment]
+    first, second = (Path(each) for each in how["out"].values())
+    when = second.stat().st_mtime_ns
+    assert Motion.read(first, robot="solo12").contacts is not None
+    first.unlink()
+    again = check_motions(**given)
+    assert again.ranked == checks.ranked and first.exists() and second.stat().st_mtime_ns == when
+    with pytest.raises(InputError, match=r"another study: repair.slower is 1.25 and was not given. Give"):
+        check_motions(**given | {"repair": how | {"slower": 1.25}})
+    with pytest.raises(InputError, match=r"settings.friction is 0.5 and was not given"):
+        check_motions(**given, friction=0.5)
 
 
 def test_a_still_shows_the_robot_its_shadow_and_the_force() -> None:
@@ -136,5 +179,5 @@ def test_a_still_shows_the_robot_its_shadow_and_the_force() -> None:
 def test_json_of_a_data_set(checks: MotionChecks) -> None:
     """Its fields as plain data."""
     found = json.loads(json.dumps({f.name: f.of(checks) for f in MotionChecks.fields}))
-    assert found["frames"] == checks.frames and [m["rank"] for m in found["motions"]] == [1, 2, 3]
-    assert found["failed"][0]["reason_code"] == 10 and set(found["figures"]) == {"balance", "feet", "motors"}
+    assert found["together"]["frames"] == checks.together["frames"] and [m["rank"] for m in found["motions"]] == [1, 2, 3]
+    assert found["failed"][0]["reason_code"] == 10 and {"balance", "feet", "motors"} < set(found["together"])
