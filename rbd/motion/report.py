@@ -457,7 +457,7 @@ class MotionReport(Displayed):
             "missing_median": float(np.median(self.missing_scaled)),
             "open_median": float(np.median(self.open)),
             "ground_m": self.lanes.ground,
-            "settings": {k: v for k, v in asdict(self.settings).items() if k != "torque_speed"},
+            "settings": json.loads(json.dumps({k: v for k, v in asdict(self.settings).items() if k != "torque_speed"})),
             "notes": [*self.motion.notes, *self.lanes.notes],
         }
 
