@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, each_times
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import minimum_jerk_way
+from rbd.motion.contact_detection import EDGE
 from rbd.motion.contact_timeline import stretches
 from rbd.motion.frame_terms import placements
 
@@ -21,7 +22,7 @@ DRIFT, TURN = 0.06, 0.45
 """A foot that moves farther [m], or turns farther [rad], while it stands, makes one more step where there is time for one."""
 STEP = 0.3
 """Duration of such a step [s]."""
-EDGE = 0.12
+APART = 0.12
 """Least time between it and other changes of the feet [s]."""
 FLIGHT, LONGEST_FLIGHT = 0.05, 0.8
 """Nothing stands where the lowest foot is this high [m], for 0.1 s to the other number [s]."""
@@ -29,6 +30,10 @@ CLEAR = 0.04
 """Height of the lowest corner in the middle of a step, at least [m]."""
 SMOOTH = 0.03
 """Standard deviation of the filter of positions of feet [s]."""
+LEAN = 0.1
+"""Soles that stand lean on their toe or heel edge from this pitch on [rad], if they go beyond `EDGE`; others are put flat."""
+WIDTH = 1e-3
+"""Corners so near to the foremost or hindmost one are on the same edge [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +49,7 @@ class Feet:
         R: Orientations in W, shape (n, F, 3, 3).
         p: Origins in W, shape (n, F, 3) [m].
         dt: Time between frames [s].
+        lean: Pitch of soles on an edge, positive on the toes, zero of flat ones, shape (n, F) [rad].
     """
 
     joint: Array
@@ -54,6 +60,7 @@ class Feet:
     R: Array
     p: Array
     dt: float
+    lean: Array
 
     @classmethod
     def of(cls, robot: CheckedModel, frames: Sequence[Contact | str], q: Array, dt: float) -> Feet:
@@ -68,6 +75,7 @@ class Feet:
         found = cls(
             np.array([joint for joint, _ in sites], int), np.array([X.rotation for _, X in sites]).reshape(-1, 3, 3),
             np.array([X.translation for _, X in sites]).reshape(-1, 3), tuple(corners), np.array(flat, bool), none, none, dt,
+            none[..., 0],
         )  # fmt: skip
         return found.at(*placements(robot, q))
 
@@ -86,6 +94,49 @@ class Feet:
     def yaw(self) -> Array:
         """Heading of each foot, without jumps, shape (n, F) [rad]."""
         return np.unwrap(np.arctan2(self.R[..., 1, 0], self.R[..., 0, 0]), axis=0)
+
+    @property
+    def tilt(self) -> Array:
+        """Rotation of each foot from level in its own heading, as a rotation vector, shape (n, F, 3) [rad]."""
+        return rotation_vectors(turned(-self.yaw) @ self.R)
+
+    def leaning(self, on: Array) -> Feet:
+        """The same feet, leaning as they do where they stand, shape (n, F), on an edge of their soles."""
+        pitch = blurred(self.tilt[..., 1], SMOOTH / self.dt)
+        x = np.where(self.flat, np.maximum(np.abs(pitch) / LEAN - 1.0, 0.0), 0.0)
+        lean = np.sign(pitch) * LEAN * np.where(x < 1.0, 0.5 * x**2, x - 0.5)
+        for f in range(len(self.corners)):
+            for a, b in stretches(lean[:, f] != 0.0):
+                if not (on[a:b, f] & (np.abs(pitch[a:b, f]) > EDGE)).any():
+                    lean[a:b, f] = 0.0
+        return replace(self, lean=lean)
+
+    def edge(self, f: int, side: int) -> Array:
+        """Which corners of a sole are on its toe edge, side 1, or its heel edge, -1; all of 0."""
+        x = side * self.corners[f][:, 0]
+        return np.asarray(x >= x.max() - WIDTH)
+
+    def raised(self, f: int) -> Array:
+        """How its lean about an edge moves the origin of a foot from where it were flat, in its heading, shape (n, 3) [m]."""
+        c, s, z = np.cos(self.lean[:, f]), np.sin(self.lean[:, f]), self.corners[f][:, 2].min()
+        x = np.where(s > 0.0, self.corners[f][:, 0].max(), self.corners[f][:, 0].min())
+        return np.column_stack([(1.0 - c) * x - s * z, np.zeros(len(c)), (1.0 - c) * z + s * x])
+
+    def carrying(self, on: Array) -> list[Array]:
+        """Which corners of each foot carry where they stand, shape (n, F): arrays (n, k)."""
+        sides, out = np.sign(self.lean), []
+        for f in range(len(self.corners)):
+            edges = np.array([self.edge(f, side) for side in (-1, 0, 1)])
+            out.append(on[:, f, None] & edges[1 + sides[:, f].astype(int)])
+        return out
+
+    @property
+    def places(self) -> Array:
+        """x, y [m] and yaw [rad] of each foot were it flat on the edge on which it leans, shape (n, F, 3)."""
+        yaw, out = self.yaw, np.dstack([self.p[..., :2], self.yaw])
+        for f in range(len(self.corners)):
+            out[:, f, :2] -= each_times(turned(yaw[:, f]), self.raised(f))[:, :2]
+        return out
 
     @property
     def smooth(self) -> Array:
@@ -126,9 +177,9 @@ class Stance:
 
     def moved_to(self, feet: Feet) -> Stance:
         """The stance at the mean place and heading that its foot has now."""
-        yaw = float(feet.yaw[self.frames, self.foot].mean())
-        yaw += 2.0 * np.pi * np.round((self.place[2] - yaw) / (2.0 * np.pi))
-        return replace(self, place=np.append(feet.p[self.frames, self.foot, :2].mean(axis=0), yaw))
+        place = feet.places[self.frames, self.foot].mean(axis=0)
+        place[2] += 2.0 * np.pi * np.round((self.place[2] - place[2]) / (2.0 * np.pi))
+        return replace(self, place=place)
 
 
 def standing(on: Array, feet: Feet, ground: float) -> Array:
@@ -186,7 +237,7 @@ def _drop_short(on: Array, f: int, feet: Feet) -> None:
 
 def _more_steps(on: Array, feet: Feet) -> None:
     dt, n = feet.dt, len(on)
-    half, edge = round(0.5 * STEP / dt), round(EDGE / dt)
+    half, edge = round(0.5 * STEP / dt), round(APART / dt)
     place, yaw = feet.smooth[..., :2], feet.yaw
     score = feet.speed + 0.15 * np.abs(np.gradient(blurred(yaw, SMOOTH / dt), dt, axis=0))
     for _ in range(12):
@@ -232,17 +283,16 @@ def _shared(on: Array, dt: float) -> Array:
 def stances_of(on: Array, feet: Feet) -> list[Stance]:
     """The stances of lanes: each at the mean place and heading of its frames, in which slow ones count more."""
     weight = 1.0 / (feet.speed + 0.02) ** 2
-    yaw = feet.yaw
-    out = []
+    places, out = feet.places, []
     for f in range(on.shape[1]):
         for a, b in stretches(on[:, f]):
             w = weight[a:b, f]
-            out.append(Stance(f, a, b - 1, np.append(w @ feet.p[a:b, f, :2], w @ yaw[a:b, f]) / w.sum()))
+            out.append(Stance(f, a, b - 1, w @ places[a:b, f] / w.sum()))
     return out
 
 
 def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, Array, Array]:
-    """(R, p, free) of the feet: level and fixed in stances, smooth and above the floor between.
+    """(R, p, free) of the feet: fixed in stances, level or on an edge, smooth and above the floor between.
 
     Shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F): how free they are, from 0 in stances to 1 in the middle of steps.
 
@@ -252,13 +302,16 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, 
         ground: Height of the floor [m].
     """
     R, p, free = feet.R.copy(), feet.p.copy(), np.zeros(feet.p.shape[:2])
-    smooth, yaw, low = feet.smooth, feet.yaw, feet.low - ground
+    smooth, yaw, low, tilt = feet.smooth, feet.yaw, feet.low - ground, feet.tilt
     n = len(p)
     for f, corners in enumerate(feet.corners):
         own = [s for s in stances if s.foot == f]
+        raised, leans = feet.raised(f), np.zeros((n, 3))
+        leans[:, 1] = feet.lean[:, f]
         for s in own:
-            p[s.frames, f] = [*s.place[:2], ground - float(corners[:, 2].min())]
-            R[s.frames, f] = turned(s.place[2:])[0] if feet.flat[f] else feet.R[s.frames, f]
+            R_s, at = turned(s.place[2:])[0], s.frames
+            p[at, f] = [*s.place[:2], ground - float(corners[:, 2].min())] + raised[at] @ R_s.T
+            R[at, f] = R_s @ rotations(leans[at]) if feet.flat[f] else feet.R[at, f]
         for before, after in zip([None, *own], [*own, None], strict=True):
             a, b = (-1 if before is None else before.last), (n if after is None else after.first)
             k = np.arange(a + 1, b)
@@ -276,9 +329,11 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, 
             else:
                 one = before or after
                 between = now if one is None else np.tile(one.place, (len(k), 1))
-            place = between + along[:, None] * (now - between)
-            tilt = rotation_vectors(turned(-yaw[k, f]) @ feet.R[k, f])
-            R[k, f] = turned(place[:, 2]) @ rotations(along[:, None] * tilt) if feet.flat[f] else feet.R[k, f]
+            R_k, back = turned(between[:, 2]), 1.0 - along[:, None]
+            between[:, :2] += each_times(R_k, raised[k])[:, :2]
+            place = now + back * (between - now)
+            w = tilt[k, f] + back * (leans[k] - tilt[k, f])
+            R[k, f] = turned(place[:, 2]) @ rotations(w) if feet.flat[f] else feet.R[k, f]
             height = up * np.maximum(low[k, f], CLEAR if before is not None or after is not None else 0.0)
             free[k, f], p[k, f, :2] = along, place[:, :2]
             p[k, f, 2] = ground + height - (R[k, f, 2] @ corners.T).min(axis=1)
@@ -298,11 +353,11 @@ def blurred(x: Array, sigma: float) -> Array:
 
 
 def turned(yaw: Array) -> Array:
-    """Rotations about z, shape (n, 3, 3)."""
-    out = np.zeros((len(yaw), 3, 3))
-    out[:, 0, 0] = out[:, 1, 1] = np.cos(yaw)
-    out[:, 1, 0] = np.sin(yaw)
-    out[:, 0, 1], out[:, 2, 2] = -out[:, 1, 0], 1.0
+    """Rotations about z, shapes (..., 3, 3) and (...)."""
+    out = np.zeros((*yaw.shape, 3, 3))
+    out[..., 0, 0] = out[..., 1, 1] = np.cos(yaw)
+    out[..., 1, 0] = np.sin(yaw)
+    out[..., 0, 1], out[..., 2, 2] = -out[..., 1, 0], 1.0
     return out
 
 

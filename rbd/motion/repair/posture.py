@@ -38,7 +38,7 @@ COM_M, COM_LOOSE = np.array([2e-3, 2e-3, 0.05]), np.array([0.03, 0.03, 0.05])
 """Of the centre of mass [m]; where stances are loose."""
 MISSING = 4e-3
 """Of what is missing on the base, over the weight, and over 0.3 m times the weight."""
-BASE_M, BASE_TURN, LEG, TRUNK, LIMB = 0.3, 0.15, 0.5, 0.12, 0.25
+BASE_M, BASE_TURN, LEG, TRUNK, LIMB = 0.15, 0.05, 0.5, 0.12, 0.25
 """Distances from the reference that cost one: of the base [m], [rad], of joints of legs, of the trunk and others [rad]."""
 ACCELERATION, TRUNK_ACCELERATION = 7.0, 3.0
 """The same of accelerations [rad/s2]."""

@@ -26,6 +26,8 @@ from rbd.robots.robot import Robot
 
 INNER = 0.75
 """Forces act at the corners of soles made smaller by this."""
+EARLY = 0.1
+"""An edge of a sole carries so long before the sole leans on it, and after [s]."""
 FRICTION_SHARE = 0.86
 """Share of the friction that is used."""
 FILTER = 6.0
@@ -40,11 +42,11 @@ REST, SLOW = 0.4, 0.1
 """How long it stands before and after the motion [s], where the base is slower than this [m/s, rad/s]."""
 LEAST_FRAMES = 8
 """A motion of fewer has no course to repair."""
-STIFFNESS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0)
+STIFFNESS = (0.1, 0.1, 0.1, 0.1, 0.2, 0.4, 0.7, 1.0, 1.0)
 """How stiffly poses follow the plan's forces, from pass to pass: stiff from the start, arms swing wildly."""
 LEVEL_TURNS, TURNS, LAST_TURNS = (4, 2), 3, 6
 """Steps of Gauss-Newton with loose stances; in a pass, and in the last."""
-OWN = (0.0, 0.3, 0.6, 0.8, 0.9, 1.0, 1.0, 1.0)
+OWN = (0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 """Share of the poses' own rate of angular momentum in what the next plan stays near to; the rest is the reference's."""
 SETTLED = 4e-3
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
@@ -89,18 +91,38 @@ class Course:
         moved = [s if shifts is None else replace(s, place=s.place + [*shifts[i], 0.0]) for i, s in enumerate(self.stances)]
         return paths(moved, self.feet, self.ground)
 
+    @lazy
+    def spots(self) -> tuple[tuple[int, int, Array], ...]:
+        """(foot, side, points in its axes): corners of soles made smaller, side 0; of their toe and heel edges, 1 and -1."""
+        out, feet = [], self.feet
+        for f, corners in enumerate(feet.corners):
+            for side in (0, 1, -1) if feet.flat[f] and feet.lean[:, f].any() else (0,):
+                some = corners[feet.edge(f, side)]
+                middle = some.mean(axis=0)
+                out.append((f, side, middle + INNER * (some - middle)))
+        return tuple(out)
+
     def places(self, R: Array, p: Array) -> Array:
-        """Where forces act, for feet placed so, shape (n, k, 3) [m]: corners of soles made smaller."""
-        out = []
-        for f, corners in enumerate(self.feet.corners):
-            middle = corners.mean(axis=0)
-            out.append((middle + INNER * (corners - middle)) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
-        return np.concatenate(out, axis=1)
+        """Where forces act, for feet placed so, shape (n, k, 3) [m]."""
+        return np.concatenate([x @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, _, x in self.spots], axis=1)
 
     @lazy
     def group(self) -> Array:
         """Which foot each of these points belongs to, shape (k,)."""
-        return np.repeat(np.arange(len(self.feet.corners)), [len(c) for c in self.feet.corners])
+        return np.repeat([f for f, _, _ in self.spots], [len(x) for _, _, x in self.spots])
+
+    def touches(self) -> Array:
+        """Which of these points carry, shape (n, k): of leaning soles those of the edge, also a little before and after."""
+        from scipy.ndimage import maximum_filter1d
+
+        out, near = [], 2 * round(EARLY / self.feet.dt) + 1
+        for f, side, x in self.spots:
+            lean = self.feet.lean[:, f]
+            on = lean == 0.0
+            if side:
+                on = (side * lean >= 0.0) & (maximum_filter1d(side * lean, near) > 0.0)
+            out.append(np.repeat((on & self.on[:, f])[:, None], len(x), axis=1))
+        return np.concatenate(out, axis=1)
 
     def program(self, com: Array, moment: Array) -> CentroidProgram:
         """The centroid's program about a reference of the centre of mass and of the rate of angular momentum."""
@@ -109,7 +131,7 @@ class Course:
             stance[s.frames, s.foot] = i
         robot, group = self.reference.robot, self.group
         return CentroidProgram(
-            self.reference.dt, robot.mass, robot.gravity, self.places(*self.paths()[:2]), self.on[:, group], self.friction, com,
+            self.reference.dt, robot.mass, robot.gravity, self.places(*self.paths()[:2]), self.touches(), self.friction, com,
             moment, stance[:, group], self.bounds(), self.rests,
         )  # fmt: skip
 
@@ -229,7 +251,7 @@ def repaired(
     feet = Feet.of(robot, contacts, q, dt)
     meant = np.stack([np.asarray(lanes.of_contact(c.name)) for c in contacts], axis=1)
     on = standing(meant[frames], feet, level)
-    feet = replace(feet, dt=slower * dt)
+    feet = replace(feet, dt=slower * dt).leaning(on)
     rest = Feet.of(robot, contacts, (robot.standing().q if isinstance(robot, Robot) else q[0])[None], dt).p[0]
     course = Course(
         Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances_of(on, feet)), level,
@@ -267,7 +289,13 @@ def nearest_in(times: Array, t: Array) -> Array:
 
 def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slower: float) -> Motion:
     """The poses as a motion at the times of the reference, with its contacts."""
-    robot, sweep, on = motion.robot, found.sweep, found.course.on
+    robot, sweep, course = motion.robot, found.sweep, found.course
+    names = [c.name for c in lanes.contacts if isinstance(c, Contact)]
+    carry = course.feet.carrying(course.on)
+    on = np.zeros((len(course.on), len(lanes.points)), bool)
+    for g, contact in enumerate(lanes.contacts):
+        if contact.name in names:
+            on[:, lanes.points.group == g] = carry[names.index(contact.name)]
     wanted = motion.t[0] + slower * (motion.t - motion.t[0])
     near = nearest_in(t, wanted)
     q, v, a, on = sweep.q[near], sweep.v[near], sweep.a[near], on[near]
@@ -275,9 +303,6 @@ def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slo
         q = interpolated_q(robot, t, sweep.q, sweep.v, wanted)
         v, a = cubic(t, sweep.v, sweep.a, wanted), cubic_rate(t, sweep.v, sweep.a, wanted)
     out = Motion.of_arrays(
-        robot, wanted, q, v, a, source=f"repaired {motion.source}", ground=found.course.ground, quaternion="xyzw", trust=True
+        robot, wanted, q, v, a, source=f"repaired {motion.source}", ground=course.ground, quaternion="xyzw", trust=True
     )
-    names = [c.name for c in lanes.contacts if isinstance(c, Contact)]
-    owner = np.array([names.index(c.name) if c.name in names else -1 for c in lanes.contacts])[lanes.points.group]
-    touches = np.where(owner >= 0, on[:, owner], False)
-    return out.with_contacts(lanes_of(out, lanes.points, touches, found.course.ground))
+    return out.with_contacts(lanes_of(out, lanes.points, on, course.ground))
