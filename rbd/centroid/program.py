@@ -42,6 +42,7 @@ class CentroidCosts(Displayed):
         force: Of forces, over the weight.
         force_rate: Change of forces over the weight in a second [1/s].
         shift: Of a stance that lasts a quarter of a second [m].
+        excess: Of a row of `CentroidProgram.limits` beyond its limit.
     """
 
     com: float = 0.05
@@ -51,6 +52,7 @@ class CentroidCosts(Displayed):
     force: float = 3.0
     force_rate: float = 5.0
     shift: float = 0.04
+    excess: float = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,6 +116,8 @@ class CentroidProgram(Displayed):
         stance: Which stance moves each point, shape (n, k); -1: none. Stances shift along the floor as wholes.
         bounds: (G, h): shifts d of all stances, one after the other, keep G d >= h, shapes (m, 2 stances) and (m,)
         rests: Whether the centre of mass is at rest, and in balance, at the first and at the last time.
+        limits: (at, C, h): the sum of C_i . f_i over the points is at most h, softly, in m rows of times `at`, as torques of
+            motors have it; shapes (m,), (m, k, 3) [1/N] and (m,).
         costs: See `CentroidCosts`.
     """
 
@@ -128,6 +132,7 @@ class CentroidProgram(Displayed):
     stance: Array | None = None
     bounds: tuple[Array, Array] | None = None
     rests: tuple[bool, bool] = (False, False)
+    limits: tuple[Array, Array, Array] | None = None
     costs: CentroidCosts = field(default_factory=CentroidCosts)
 
     def __repr__(self) -> str:
@@ -146,7 +151,9 @@ class CentroidProgram(Displayed):
         n, unit = len(self.com), self.weight
         k, i = np.nonzero(self.touches)
         E, S = len(k), self.stances
-        force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts
+        force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts, excesses
+        over, (times, C, most) = shift + 2 * S, self.limits or (np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0))
+        excess = over + np.arange(len(times))
         com = self.com if about is None else about.com
         cross = cross_matrices((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
         total = (self._acceleration(com) - self.gravity) * self.mass / unit
@@ -173,16 +180,21 @@ class CentroidProgram(Displayed):
             A.put(still, 3 * (at_rest + beside), xyz, xyz, factor)
         equal = 6 * n + 3 * len(at_rest)
         G, h = (np.zeros((0, 2 * S)), np.zeros(0)) if self.bounds is None else self.bounds
-        m = len(h)
         A.block(np.array([equal]), np.array([shift]), -G[None])
+        rows, numbers = equal + len(h) + np.arange(len(times)), self._numbers()[times]
+        row, point = np.nonzero(numbers >= 0)
+        A.block(rows[row], force[numbers[row, point]], unit * C[row, point][:, None])
+        for each in (rows, rows + len(times)):
+            A.put(each, excess, [0], [0], -1.0)
+        m = len(h) + 2 * len(times)
         cone = equal + m + 3 * np.arange(E)
         for row, column, factor in ((0, 2, self.friction), (1, 0, 1.0), (2, 1, 1.0)):
             A.put(cone + row, force + column, [0], [0], -factor)
 
         R, t = self._wanted(k, i, force, shift)
-        M = A.matrix(equal + m + 3 * E, shift + 2 * S)
+        M = A.matrix(equal + m + 3 * E, over + len(times))
         cones = [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E]
-        side = np.concatenate([b, np.zeros(3 * len(at_rest)), -h, np.zeros(3 * E)])
+        side = np.concatenate([b, np.zeros(3 * len(at_rest)), -h, most, np.zeros(len(times) + 3 * E)])
         P, g = csc_matrix(triu(R.T @ R)), -(R.T @ t)
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100
@@ -199,7 +211,7 @@ class CentroidProgram(Displayed):
         f = np.zeros((n, self.points.shape[1], 3))
         f[k, i] = unit * x[6 * n : shift].reshape(E, 3)
         plan = CentroidPlan(
-            x[: 3 * n].reshape(n, 3), unit * x[3 * n : 6 * n].reshape(n, 3), f, x[shift:].reshape(S, 2), status, np.inf
+            x[: 3 * n].reshape(n, 3), unit * x[3 * n : 6 * n].reshape(n, 3), f, x[shift:over].reshape(S, 2), status, np.inf
         )
         return replace(plan, residual=self._residual(plan))
 
@@ -212,6 +224,10 @@ class CentroidProgram(Displayed):
     def stances(self) -> int:
         """How many stances may shift."""
         return 0 if self.stance is None else int(self.stance.max(initial=-1)) + 1
+
+    def _numbers(self) -> Array:
+        """Of the force at each point, shape (n, k); -1 in the air, where it is zero."""
+        return np.where(self.touches, np.cumsum(self.touches).reshape(self.touches.shape) - 1, -1)
 
     def _stance(self) -> Array:
         return np.full(self.touches.shape, -1) if self.stance is None else self.stance
@@ -246,8 +262,7 @@ class CentroidProgram(Displayed):
         row += 3 * max(n - 3, 0)
         R.put(row + 3 * np.arange(E), force, xyz, xyz, share / w.force)
         row += 3 * E
-        number = np.full(self.touches.shape, -1)  # of the force at each point; -1 in the air, where it is zero
-        number[k, i] = np.arange(E)
+        number = self._numbers()
         at, point = np.nonzero((number[:-1] >= 0) | (number[1:] >= 0))
         rows = row + 3 * np.arange(len(at))
         for which, sign in ((number[at, point], -1.0), (number[at + 1, point], 1.0)):
@@ -260,10 +275,12 @@ class CentroidProgram(Displayed):
             count = stands[:, :S].sum(axis=0)
             R.put(row + 2 * np.arange(S), shift + 2 * np.arange(S), xyz[:2], xyz[:2], np.sqrt(4.0 * dt * count) / w.shift)
             row += 2 * S
-        out = np.zeros(row)
+        excesses = 0 if self.limits is None else len(self.limits[0])
+        R.put(row + np.arange(excesses), shift + 2 * S + np.arange(excesses), [0], [0], share / w.excess)
+        out = np.zeros(row + excesses)
         known = np.concatenate(t)
         out[: len(known)] = known
-        return R.matrix(row, shift + 2 * S), out
+        return R.matrix(row + excesses, shift + 2 * S + excesses), out
 
     def _residual(self, plan: CentroidPlan) -> float:
         places = self._places(plan.shifts)

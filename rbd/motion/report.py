@@ -343,7 +343,8 @@ class MotionReport(Displayed):
         1. Contacts: stances of each foot from the report's lanes (`check_motion(contacts=)` takes edited ones), without those
            and steps that are too short to make; feet that change share the load for 0.1 s; a foot that drifts or turns while
            it stands makes one more step where there is time.
-        2. Feet: level on the floor and fixed in stances, smooth and above it between.
+        2. Feet: fixed in stances, level on the floor or, where the lanes have an edge of a sole alone, leaning on their toes or
+           heels as the reference does; smooth and above the floor between.
         3. Centroid: the trajectory of the centre of mass and of angular momentum nearest to the reference for which forces in
            friction cones at the stances exist at all times; stances may shift (`rbd.centroid`).
         4. Posture: poses over the whole motion near the reference, with feet on their paths, these forces, torques and joints

@@ -12,11 +12,10 @@ from rbd.arrays import Array, each_times
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import minimum_jerk_way
-from rbd.motion.contact_detection import EDGE
 from rbd.motion.contact_timeline import stretches
 from rbd.motion.frame_terms import placements
 
-LEAST_STANCE, LEAST_SWING, BOTH = 0.12, 0.2, 0.1
+LEAST_STANCE, LEAST_SWING, BOTH = 0.12, 0.3, 0.1
 """Shortest stance and shortest step [s]; and how long two feet share the load where one takes it from the other."""
 DRIFT, TURN = 0.06, 0.45
 """A foot that moves farther [m], or turns farther [rad], while it stands, makes one more step where there is time for one."""
@@ -31,7 +30,7 @@ CLEAR = 0.04
 SMOOTH = 0.03
 """Standard deviation of the filter of positions of feet [s]."""
 LEAN = 0.1
-"""Soles that stand lean on their toe or heel edge from this pitch on [rad], if they go beyond `EDGE`; others are put flat."""
+"""Soles that stand on an edge lean on it from this pitch on [rad]; others are put flat."""
 WIDTH = 1e-3
 """Corners so near to the foremost or hindmost one are on the same edge [m]."""
 
@@ -100,14 +99,19 @@ class Feet:
         """Rotation of each foot from level in its own heading, as a rotation vector, shape (n, F, 3) [rad]."""
         return rotation_vectors(turned(-self.yaw) @ self.R)
 
-    def leaning(self, on: Array) -> Feet:
-        """The same feet, leaning as they do where they stand, shape (n, F), on an edge of their soles."""
+    def leaning(self, on: Array, edges: Array) -> Feet:
+        """The same feet, which lean on their toes or heels about frames in which they are to stand on an edge alone.
+
+        Args:
+            on: Which feet stand, shape (n, F).
+            edges: Which of them on an edge alone.
+        """
         pitch = blurred(self.tilt[..., 1], SMOOTH / self.dt)
         x = np.where(self.flat, np.maximum(np.abs(pitch) / LEAN - 1.0, 0.0), 0.0)
         lean = np.sign(pitch) * LEAN * np.where(x < 1.0, 0.5 * x**2, x - 0.5)
         for f in range(len(self.corners)):
             for a, b in stretches(lean[:, f] != 0.0):
-                if not (on[a:b, f] & (np.abs(pitch[a:b, f]) > EDGE)).any():
+                if not edges[a:b, f].any() or np.count_nonzero(on[a:b, f]) * self.dt < LEAST_STANCE:
                     lean[a:b, f] = 0.0
         return replace(self, lean=lean)
 

@@ -75,7 +75,8 @@ def reasons(found: Repaired, names: list[str], start: float, end: float) -> list
             continue
         name = names[s.foot]
         if feet.flat[s.foot]:
-            turn, tilt = np.ptp(feet.yaw[s.frames, s.foot]), np.arccos(feet.R[s.frames, s.foot, 2, 2].clip(-1.0, 1.0)).max()
+            lean = feet.lean[s.frames, s.foot, None] * np.eye(3)[1]
+            turn, tilt = np.ptp(feet.yaw[s.frames, s.foot]), np.linalg.norm(feet.tilt[s.frames, s.foot] - lean, axis=1).max()
             if turn > TURNS:
                 out.append(f"{name} turns by {math.degrees(turn):.0f} degrees while it stands")
             if tilt > TILTS:

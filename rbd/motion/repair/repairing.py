@@ -19,7 +19,8 @@ from rbd.motion.derivation import low_passed
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing
-from rbd.motion.repair.posture import Goals, Reference, posed
+from rbd.motion.frame_terms import carriers
+from rbd.motion.repair.posture import TORQUE_SHARE, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
 from rbd.robots.robot import Robot
@@ -30,6 +31,8 @@ EARLY = 0.1
 """An edge of a sole carries so long before the sole leans on it, and after [s]."""
 FRICTION_SHARE = 0.86
 """Share of the friction that is used."""
+NEAR_TORQUE = 0.8
+"""Torques beyond this share of what is used of their limits are rows of the centroid's program."""
 FILTER = 6.0
 """What is faster in the reference is not followed [Hz]."""
 SLOWEST, FASTEST = 45.0, 75.0
@@ -124,7 +127,26 @@ class Course:
             out.append(np.repeat((on & self.on[:, f])[:, None], len(x), axis=1))
         return np.concatenate(out, axis=1)
 
-    def program(self, com: Array, moment: Array) -> CentroidProgram:
+    def limits(self, sweep: Sweep, plan: CentroidPlan) -> tuple[Array, Array, Array]:
+        """(at, C, h), C f <= h: forces with which motors of legs keep their limits, where those of a plan come near them."""
+        reference, feet = self.reference, self.feet.at(sweep.R, sweep.p)
+        actuated = np.asarray(reference.robot.actuated)
+        moves = carriers(reference.robot)[feet.joint][:, actuated]
+        legs = moves.any(axis=0)
+        J = sweep.J[:, :, None, actuated[legs]]
+        by_force = (J[:, :3] + np.cross(J[:, 3:], self.places(feet.R, feet.p).swapaxes(1, 2)[..., None], axis=1)).transpose(0, 3, 2, 1)
+        by_force *= moves[self.group][:, legs].T[:, :, None]
+        need = sweep.need[:, actuated[legs]]
+        tau = need - np.einsum("njki,nki->nj", by_force, plan.forces)
+        found = []
+        for sign, bound in zip((-1.0, 1.0), reference.torques(sweep.v), strict=True):
+            limit = TORQUE_SHARE * np.abs(bound[:, legs])
+            at, j = np.nonzero(sign * tau > NEAR_TORQUE * limit)
+            found.append((at, -sign * by_force[at, j] / limit[at, j, None, None], 1.0 - sign * need[at, j] / limit[at, j]))
+        at, C, h = (np.concatenate(x) for x in zip(*found, strict=True))
+        return at, C, h
+
+    def program(self, com: Array, moment: Array, limits: tuple[Array, Array, Array] | None = None) -> CentroidProgram:
         """The centroid's program about a reference of the centre of mass and of the rate of angular momentum."""
         stance = np.full(self.on.shape, -1)
         for i, s in enumerate(self.stances):
@@ -132,7 +154,7 @@ class Course:
         robot, group = self.reference.robot, self.group
         return CentroidProgram(
             self.reference.dt, robot.mass, robot.gravity, self.places(*self.paths()[:2]), self.touches(), self.friction, com,
-            moment, stance[:, group], self.bounds(), self.rests,
+            moment, stance[:, group], self.bounds(), self.rests, limits,
         )  # fmt: skip
 
     def bounds(self) -> tuple[Array, Array]:
@@ -180,7 +202,7 @@ class Course:
                 break
             stiff = 1.0 if last < SETTLED else least
             for _ in range(2 if i == 1 else 1):
-                plan = course.program(com, moment).solve(plan)
+                plan = course.program(com, moment, course.limits(sweep, plan)).solve(plan)
             R, p, free = course.paths(plan.shifts)
             goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p), kept, grasps)
             turns = LAST_TURNS if i + 1 == len(STIFFNESS) else TURNS
@@ -249,9 +271,10 @@ def repaired(
     q[:, 2] += level - lanes.ground
     q = low_passed(robot, q, FILTER * dt)
     feet = Feet.of(robot, contacts, q, dt)
-    meant = np.stack([np.asarray(lanes.of_contact(c.name)) for c in contacts], axis=1)
-    on = standing(meant[frames], feet, level)
-    feet = replace(feet, dt=slower * dt).leaning(on)
+    some, every = (lanes.points.group_reduced(of, lanes.touches[frames]) for of in (np.logical_or, np.logical_and))
+    own = [g for g, contact in enumerate(lanes.contacts) if isinstance(contact, Contact)]
+    on = standing(some[:, own], feet, level)
+    feet = replace(feet, dt=slower * dt).leaning(on, on & some[:, own] & ~every[:, own])
     rest = Feet.of(robot, contacts, (robot.standing().q if isinstance(robot, Robot) else q[0])[None], dt).p[0]
     course = Course(
         Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances_of(on, feet)), level,
