@@ -152,7 +152,8 @@ class CentroidProgram(Displayed):
         k, i = np.nonzero(self.touches)
         E, S = len(k), self.stances
         force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts, excesses
-        over, (times, C, most) = shift + 2 * S, self.limits or (np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0))
+        none = np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0)
+        over, (times, C, most) = shift + 2 * S, self.limits or none
         excess = over + np.arange(len(times))
         com = self.com if about is None else about.com
         cross = cross_matrices((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
@@ -182,8 +183,8 @@ class CentroidProgram(Displayed):
         G, h = (np.zeros((0, 2 * S)), np.zeros(0)) if self.bounds is None else self.bounds
         A.block(np.array([equal]), np.array([shift]), -G[None])
         rows, numbers = equal + len(h) + np.arange(len(times)), self._numbers()[times]
-        row, point = np.nonzero(numbers >= 0)
-        A.block(rows[row], force[numbers[row, point]], unit * C[row, point][:, None])
+        which, point = np.nonzero(numbers >= 0)
+        A.block(rows[which], force[numbers[which, point]], unit * C[which, point][:, None])
         for each in (rows, rows + len(times)):
             A.put(each, excess, [0], [0], -1.0)
         m = len(h) + 2 * len(times)

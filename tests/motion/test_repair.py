@@ -10,8 +10,11 @@ import rbd
 from rbd.arrays import Array
 from rbd.errors import FrameNotFound, InputError
 from rbd.motion import CAUSES, Motion, check_motion, minimum_jerk
+from rbd.motion.repair.feet import Feet
 
 ARMS = {"left_shoulder_pitch_joint": -1.2, "right_shoulder_pitch_joint": -0.6, "waist_yaw_joint": 0.3}
+
+TALOS_ANKLES = ("leg_left_5_joint", "leg_right_5_joint")
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +129,32 @@ def test_a_lifted_leg_of_other_robots(name: str) -> None:
     assert repaired.contacts is not None
     swings = [lanes for lanes in map(repaired.contacts.intervals, [c.name for c in report.lanes.contacts]) if len(lanes) == 2]
     assert len(swings) == 1 and swings[0][0][1] < 0.8 < 1.5 < swings[0][1][0]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("name", ["g1", "talos"])
+def test_soles_lean_on_their_toes_and_heels(name: str, side: float) -> None:
+    """Up on both toes, or heels, by 26 degrees, and down again; lowered until the lowest corners are on the floor."""
+    robot = rbd.load_robot(name)
+    ankles = [name for name in robot.actuated_names if name.endswith("ankle_pitch_joint") or name in TALOS_ANKLES]
+    stands, feet = robot.standing().q, list(robot.feet())
+    leans = stands.copy()
+    for joint in ankles:
+        leans[robot.joints[joint].q] += 0.45 * side
+    motion = minimum_jerk(robot, [stands, leans, leans, stands], [0.0, 0.6, 1.0, 1.6])
+    q = motion.q.copy()
+    q[:, 2] -= Feet.of(robot, feet, q, 1.0 / 60.0).low.min(axis=1)
+    report = check_motion(Motion.of_arrays(robot, motion.t, q))
+    assert report.share_possible == 0.0
+    new = report.repaired(progress=False)
+    assert new.contacts is not None and check_motion(new).share_possible == 1.0
+    lean = Feet.of(robot, feet, new.q, 1.0 / 60.0).tilt
+    edge = new.contacts.of_contact(feet[0].name) & ~new.contacts.touches[:, : len(feet[0].corners)].all(axis=1)
+    assert edge.sum() > 30 and np.abs(lean[~edge]).max() < 1e-3
+    assert side * lean[len(lean) // 2, 0, 1] == pytest.approx(0.45 - 0.15, abs=0.02)
+    on = feet[0].corners[:, 0] * side > 0.0
+    assert np.array_equal(new.contacts.touches[edge][:, : len(on)], np.tile(on, (edge.sum(), 1)))
+    assert np.abs(new.contacts.heights[new.contacts.touches]).max() < 1e-4
 
 
 def test_slower_has_the_same_contacts_at_another_pace(wave: Motion) -> None:

@@ -20,8 +20,8 @@ TOGETHER = 0.1
 """Times that are this near to each other are told as one [s]."""
 TOLD = 12
 """So many are told one by one."""
-TURNS, TILTS, REACH = math.radians(45.0), math.radians(15.0), 1e-3
-"""A foot that turns by more while it stands [rad], is tilted by more [rad], or misses its place by more [m], is a reason."""
+MOVES, TURNS, TILTS, REACH = 0.1, math.radians(45.0), math.radians(15.0), 1e-3
+"""A foot that moves by more [m], turns or tilts by more [rad] while it stands, or misses its place by more [m] is a reason."""
 
 
 def notes_of(
@@ -73,7 +73,9 @@ def reasons(found: Repaired, names: list[str], start: float, end: float) -> list
     for s in course.stances:
         if s.first > last or s.last < first:
             continue
-        name = names[s.foot]
+        name, way = names[s.foot], float(np.ptp(feet.places[s.frames, s.foot, :2], axis=0).max())
+        if way > MOVES:
+            out.append(f"{name} moves by {1e3 * way:.0f} mm while it stands")
         if feet.flat[s.foot]:
             lean = feet.lean[s.frames, s.foot, None] * np.eye(3)[1]
             turn, tilt = np.ptp(feet.yaw[s.frames, s.foot]), np.linalg.norm(feet.tilt[s.frames, s.foot] - lean, axis=1).max()

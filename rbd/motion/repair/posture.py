@@ -50,9 +50,9 @@ TORQUE_SHARE, TORQUE_UNIT = 0.75, 0.02
 """Share of the torque limits that is used; error that costs one, over the limit."""
 APART, APART_UNIT = 6e-3, 1.5e-3
 """Bodies are kept this far apart; error that costs one [m]."""
-SPEED_SHARE, SPEED_UNIT = 0.96, 0.01
+SPEED_SHARE, SPEED_UNIT = 0.96, 0.002
 """Share of the speed limits that is used; error that costs one, over the limit."""
-DAMPING, LONGEST = 120.0, 0.3
+DAMPING, LONGEST = 4000.0, 0.3
 """Added to the diagonal; and the longest step of a coordinate [m, rad]: where steps are longer, they are shortened."""
 
 

@@ -16,10 +16,10 @@ from rbd.model.sampled_motion import cubic, cubic_rate, interpolated_q
 from rbd.motion.contact_lanes import lanes_of
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import low_passed
+from rbd.motion.frame_terms import carriers
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing
-from rbd.motion.frame_terms import carriers
 from rbd.motion.repair.posture import TORQUE_SHARE, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
@@ -50,7 +50,7 @@ STIFFNESS = (0.1, 0.1, 0.1, 0.1, 0.2, 0.4, 0.7, 1.0, 1.0)
 LEVEL_TURNS, TURNS, LAST_TURNS = (4, 2), 3, 6
 """Steps of Gauss-Newton with loose stances; in a pass, and in the last."""
 OWN = (0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-"""Share of the poses' own rate of angular momentum in what the next plan stays near to; the rest is the reference's."""
+"""Share of the rate of angular momentum that was reached, the mean of plan and poses, in what the next plan stays near to."""
 SETTLED = 4e-3
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 
@@ -134,7 +134,8 @@ class Course:
         moves = carriers(reference.robot)[feet.joint][:, actuated]
         legs = moves.any(axis=0)
         J = sweep.J[:, :, None, actuated[legs]]
-        by_force = (J[:, :3] + np.cross(J[:, 3:], self.places(feet.R, feet.p).swapaxes(1, 2)[..., None], axis=1)).transpose(0, 3, 2, 1)
+        places = self.places(feet.R, feet.p).swapaxes(1, 2)[..., None]
+        by_force = (J[:, :3] + np.cross(J[:, 3:], places, axis=1)).transpose(0, 3, 2, 1)
         by_force *= moves[self.group][:, legs].T[:, :, None]
         need = sweep.need[:, actuated[legs]]
         tau = need - np.einsum("njki,nki->nj", by_force, plan.forces)
@@ -209,7 +210,7 @@ class Course:
             q, _, last = posed(q, reference, feet, goals, self.bodies, turns, stiff)
             sweep = Sweep.of(robot, q, dt)
             com = np.column_stack([com[:, :2], sweep.com[:, 2]])
-            moment = own * sweep.moment + (1.0 - own) * first
+            moment = own * (0.5 * plan.moment + 0.5 * sweep.moment) + (1.0 - own) * first
             done((i + 1.0) / len(STIFFNESS))
         places = np.array([s.place[:2] for s in self.stances]).reshape(-1, 2)
         moved = np.array([s.place[:2] for s in course.stances]).reshape(-1, 2) + plan.shifts - places
