@@ -226,9 +226,9 @@ class SeenContacts(NamedTuple):
 class ContactWatch:
     """Follows the contacts of a motion, from one step of control to the next.
 
-    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
-    that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
-    counts before it is wanted. Its force rises from then, or as before if it was lost for less than a fade.
+    A contact counts from when it touches with any of its points and is wanted, or will be within a fade, until it is not
+    wanted, or none of its points is near. Late in its swing, one that touches with all its points counts before it is
+    wanted. Its force rises from then, or as before if it was lost for less than a fade.
 
     What carries a robot alone counts until another contact does, late as that may be, unless the schedule has a flight.
 
@@ -244,7 +244,6 @@ class ContactWatch:
         self._carrying = frozenset(c.name for c in contacts if hasattr(c, "friction"))  # not loops
         self._always = frozenset(c.name for c in contacts if not lifts(c))
         self.since: dict[str, float] = {}
-        self._partly: dict[str, float] = {}
         self._lost: dict[str, tuple[float, float]] = {}
         self._until: dict[str, float] = {}
         self._sources: dict[str, PointSource] = {}
@@ -267,11 +266,8 @@ class ContactWatch:
                 planned.append(name)
             if some:
                 touching.append(name)
-            if some and not whole:
-                self._partly.setdefault(name, t)
-            else:
-                self._partly.pop(name, None)
-            held = whole or (near and name in self.since) or (wanted and t - self._partly.get(name, t) > self.schedule.fade)
+            soon = wanted or self.schedule.wants(name, t + self.schedule.fade)
+            held = whole or (near and name in self.since) or (some and soon)
             if held and (wanted or self._late_in_swing(name, t)):
                 since[name] = -math.inf if begins else self._since(name, t)
                 if not wanted:

@@ -171,7 +171,7 @@ def follow(
     (`rbd.check_motion`): what it misses of balance, friction or torque the controller has to miss as well, and falls where that
     is much. Tasks, with their costs and gains (k; momentum: 1/s), each with velocity and acceleration of the motion::
 
-        centre of mass          1000    100
+        centre of mass         10000    100
         feet in the air, each   1000    900      place; of soles also orientation, 200
         angular momentum          30      5
         orientation of the base    5    100
@@ -209,7 +209,7 @@ def follow(
         >>> run = rbd.simulate(wave.state(0), talos.soles(), duration=0.6, step=4e-3, controller=controller, progress=False)
         >>> off = rbd.motion.MotionDifference.of(run, wave)
         >>> print(f"base {1e3 * np.abs(off.base).max():.1f} mm, joints {off.joint_rms:.4f} rad")
-        base 0.7 mm, joints 0.0077 rad
+        base 0.9 mm, joints 0.0077 rad
     """
     checked_motion(motion)
     check_model("follow", robot)
@@ -244,7 +244,7 @@ def follow(
     t, q, v, a = sampled(motion, _EVERY)
     targets = MotionTargets(model, t - begin, q, v, a, times, [])
     tasks: list[Task] = [
-        ComTask(targets.com, cost=1000.0, gain=100.0),
+        ComTask(targets.com, cost=10000.0, gain=100.0),
         MomentumTask(targets.momentum, angular_cost=30.0, gain=5.0),
         PostureTask(targets.posture, cost=1.0, gain=100.0),
     ]

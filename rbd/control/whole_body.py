@@ -6,12 +6,14 @@ import math
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array, as_float, check_number
 from rbd.constraints.constraint import Constraint, listed, made, member, with_loops
+from rbd.constraints.contact import Contact
 from rbd.control.contact_schedule import ContactSchedule, ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.motion_limits import Limits
 from rbd.control.schedules import INSTANT, AcceptedStep, ExternalAt, asked, check_model, checked_period, sample_at
@@ -38,11 +40,11 @@ FULL = 12.0
 
 @dataclass(frozen=True, eq=False)
 class Levelled:
-    """A sole on one of its edges or corners: the rows of its contact bring it back onto its plane, critically damped.
+    """A sole that does not touch with all its corners: the rows of its contact bring it onto its plane, critically damped.
 
     Attributes:
         contact: The contact.
-        rate: At which velocities decay [1/s]; the tilt by half of it, twice.
+        rate: At which velocities decay [1/s]; tilt and height by half of it, twice.
     """
 
     contact: Constraint
@@ -58,10 +60,17 @@ class Levelled:
         rows = self.contact.rows(state)
         if rows.stabilised or len(rows) < 5 or rows.patch is None or rows.patch.on is None:
             return rows
-        tilt = rows.patch.axes.T @ np.cross(np.asarray(rows.patch.on.normal, float), rows.patch.axes[:, 2])
+        normal, axes, stiffness = np.asarray(rows.patch.on.normal, float), rows.patch.axes, (0.5 * self.rate) ** 2
         feedback = self.rate * rows.velocity
-        feedback[3:-1] += (0.5 * self.rate) ** 2 * tilt[6 - len(rows) : 2]  # an edge turns freely about its x
+        feedback[3:-1] += stiffness * (axes.T @ np.cross(normal, axes[:, 2]))[6 - len(rows) : 2]  # an edge turns about its x
+        feedback[:3] += stiffness * (axes.T @ normal) * rows.patch.on.distances(rows.patch.corners_W).mean()
         return replace(rows, feedback=feedback)
+
+
+@lru_cache(maxsize=128)
+def at_corners(contact: Contact, corners: tuple[int, ...]) -> Contact:
+    """`Contact.of_corners`, the same contact each time: terms are kept by it."""
+    return contact.of_corners(corners)
 
 
 class _Memory:
@@ -76,7 +85,6 @@ class _Memory:
         self.actuation: TaskActuation | None = None
         self.tau: Array | None = None
         self.carried: dict[str, float] = {}
-        self.parts: dict[tuple[str, tuple[int, ...]], Any] = {}
         self.said: set[type[Warning]] = set()
 
 
@@ -85,7 +93,7 @@ class WholeBodyController(Displayed):
     """Controller of `rbd.simulate` that meets tasks as well as limits allow, with the contacts that a schedule wants.
 
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
-    next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
+    next. A contact is counted on from when it is wanted and touches, until it is not wanted or all are more
     than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero
     after it touches, and falls to zero before it is lifted (`ContactSchedule`), as far as others can carry the robot. A
     `FrameTask` of a frame whose contact is counted on is left out, but for the orientation of one that stands on a part of
@@ -266,7 +274,7 @@ class WholeBodyController(Displayed):
         own = with_loops(told.state.robot, self.contacts, self.loops)[len(self.contacts) :]
         whole = [c for c in self.contacts if c.name in seen.since]
         parts = {c.name: which for c in whole if (which := self.schedule.part(c.name, told.t)) is not None}
-        acting = [self._part(c, parts[c.name]) if c.name in parts else c for c in whole]
+        acting = [at_corners(c, parts[c.name]) if isinstance(c, Contact) and c.name in parts else c for c in whole]
         acting += [c for c in own if c.name not in told.inactive]
         frames, turning = frames_of(acting, seen.since), frames_of(acting, parts)
         tips = {name for name, kind in seen.different if kind == "partial"}
@@ -302,14 +310,6 @@ class WholeBodyController(Displayed):
                 said.add(category)
                 text += f" (At t = {told.t:.6g} s. Said once in a motion: `controller.log` has all steps.)"
                 warnings.warn(text, category, stacklevel_of_user())
-        return found
-
-    def _part(self, contact: Any, which: tuple[int, ...]) -> Constraint:
-        """A contact at some of its corners, the same one each time: terms are kept by it."""
-        known = self._memory[0].parts
-        if (key := (contact.name, which)) not in known:
-            known[key] = contact.of_corners(which)
-        found: Constraint = known[key]
         return found
 
     def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:
