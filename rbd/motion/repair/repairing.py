@@ -45,11 +45,11 @@ REST, SLOW = 0.4, 0.1
 """How long it stands before and after the motion [s], where the base is slower than this [m/s, rad/s]."""
 LEAST_FRAMES = 8
 """A motion of fewer has no course to repair."""
-STIFFNESS = (0.1, 0.1, 0.1, 0.1, 0.2, 0.4, 0.7, 1.0, 1.0)
+STIFFNESS = (0.1, 0.1, 0.1, 0.2, 0.4, 0.7, 1.0, 1.0)
 """How stiffly poses follow the plan's forces, from pass to pass: stiff from the start, arms swing wildly."""
 LEVEL_TURNS, TURNS, LAST_TURNS = (4, 2), 3, 6
 """Steps of Gauss-Newton with loose stances; in a pass, and in the last."""
-OWN = (0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+OWN = (0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0)
 """Share of the rate of angular momentum that was reached, the mean of plan and poses, in what the next plan stays near to."""
 SETTLED = 4e-3
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
