@@ -67,6 +67,21 @@ def test_the_inertia_is_that_of_a_box_or_what_is_given(g1: rbd.Robot):
     assert not np.allclose(g1.carrying(box(), at=turned).carried[0].second, g1.carrying(box()).carried[0].second)
 
 
+def test_shares_are_as_near_to_their_hands_as_masses_can_be(g1: rbd.Robot):
+    """Of a box of length L between the hands: L / sqrt(12) from its middle, as two plates; together they are the box."""
+    q = g1.standing().q
+    way = g1.at(q).frame(LEFT).X_WF.translation - g1.at(q).frame(RIGHT).X_WF.translation
+    assert abs(way[1]) > 0.4 and np.abs(way[[0, 2]]).max() < 1e-9
+    thing = g1.carrying(box(size=(0.1, 0.4, 0.2))).carried[0]
+    places = [X_JH.actInv(own.lever) for _, X_JH, own in thing.parts(g1)]
+    assert np.array(places) == pytest.approx(0.4 / np.sqrt(12.0) * np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]), abs=1e-4)
+    whole = sum((X_JH.actInv(own) for _, X_JH, own in thing.parts(g1)), pin.Inertia.Zero())
+    assert np.allclose(whole.toDynamicParameters(), pin.Inertia.FromBox(3.0, 0.1, 0.4, 0.2).toDynamicParameters(), atol=1e-9)
+    wide = g1.carrying(box(size=(0.1, 4.0, 0.2))).carried[0]  # longer than the way: the shares are in the hands
+    for name, (_, _, own) in zip((LEFT, RIGHT), wide.parts(g1), strict=True):
+        assert own.lever == pytest.approx(g1.site(name)[1].translation, abs=1e-9)
+
+
 def test_a_copy_carries_the_same(g1: rbd.Robot):
     """Pickled, copied, under another gravity and with other motors; the plain robot stays as it is, and is another one."""
     mass, loaded = g1.mass, g1.carrying(box())

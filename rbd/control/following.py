@@ -176,7 +176,7 @@ def follow(
         angular momentum          30      5
         orientation of the base    5    100
         joints                     1    100
-        hands that carry, each    30    400      place; of orientation, 3
+        hands that carry, each    30    900      place; of orientation, 3
 
     Feet touch when `motion.contacts` says so, and forces rise and fall within 30 ms. Where one or two of a foot's corners
     touch for more than 0.1 s it stands on these, and turns about that edge as the motion does; else on its whole sole. From
@@ -259,7 +259,7 @@ def follow(
             )
         )
     for hand in dict.fromkeys(name for each in carried_by(motion.robot) for name in each.grasps):
-        tasks.append(FrameTask(hand, partial(targets.hand, hand), position_cost=30.0, orientation_cost=3.0, gain=400.0))
+        tasks.append(FrameTask(hand, partial(targets.hand, hand), position_cost=30.0, orientation_cost=3.0, gain=900.0))
     # A foot is lifted when the motion lifts it: one that were kept until the other lands would be dragged along.
     schedule = ContactSchedule(times, fade=FADE, flight=True, parts=parts)
     contacts = [foot.with_friction(friction, facets=FACETS) for foot in feet]

@@ -17,7 +17,7 @@ from rbd.errors.inputs import check_different
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.model.urdf import LIGHTEST
-from rbd.robots.building.parts import check_moments, inertia_matrix
+from rbd.robots.building.parts import EQUAL, check_moments, inertia_matrix
 from rbd.robots.building.solids import Box
 from rbd.robots.number_checks import checked_name, checked_names, checked_number, checked_numbers
 
@@ -111,11 +111,25 @@ class Carried(Displayed):
         return replace(self, placement=placement, second=self.second or (back * hands[1] if len(hands) == 2 else None))
 
     def parts(self, robot: CheckedModel) -> Iterator[tuple[int, pin.SE3, pin.Inertia]]:
-        """(joint, X_JH, inertia in its body's axes) of each hand, of an object whose places are all given."""
-        for share, name, X_1G in zip(self.shares or (), self.grasps, (pin.SE3.Identity(), self.second), strict=False):
+        """(joint, X_JH, inertia in its body's axes) of each hand, of an object whose places are all given.
+
+        Shares s_1, s_2 of the mass m are as near to their hands as they can be: at a s_2 and -a s_1 from the object's centre,
+        along the line u from the second hand to the first. Together they have its second moments S, and each has the share
+        s_i (S - m s_1 s_2 a^2 u u^T), which masses can have up to a^2 = 1 / (m s_1 s_2 u^T S^-1 u).
+        """
+        shares, I = np.array(self.shares), np.array(self.inertia)
+        grasps: tuple[Any, ...] = (pin.SE3.Identity(), self.second)[: len(shares)]
+        S = 0.5 * np.trace(I) * np.eye(3) - I
+        hands = [X_1G.inverse() * self.placement for X_1G in grasps]
+        way = hands[0].inverse().translation - hands[-1].inverse().translation
+        reach = 0.0
+        if shares.all() and way.any() and np.linalg.eigvalsh(S)[0] > EQUAL * np.trace(S):
+            reach = min(1.0, (self.mass * shares.prod() * (way @ np.linalg.solve(S, way))) ** -0.5)
+        S = S - self.mass * shares.prod() * reach**2 * np.outer(way, way)
+        for i, (share, name, X_GH) in enumerate(zip(shares, self.grasps, hands, strict=True)):
             joint, X_JG = robot.site(name)
-            X_JH = X_JG * X_1G.inverse() * self.placement
-            yield joint, X_JH, X_JH.act(pin.Inertia(share * self.mass, np.zeros(3), share * np.array(self.inertia)))
+            X_JH, at = X_JG * X_GH, (1.0 - share) * reach * (-1.0) ** i * way
+            yield joint, X_JH, X_JH.act(pin.Inertia(share * self.mass, at, share * (np.trace(S) * np.eye(3) - S)))
 
     @property
     def plain(self) -> dict[str, Any]:

@@ -305,10 +305,11 @@ class Robot(ShapedRobot):
 
         The inertia of each object is added to the bodies that hold it, so M, gravity and all that follows from them have it:
         statics, simulation, checks and repairs of motions, controllers. With one hand the object is part of that body. With two
-        hands each bears its share, and this is exact for the robot as a whole (momentum, balance, forces of the floor) while
-        both keep their poses relative to each other; the force between them is then the one by which each moves its share, and
-        nothing squeezes the object. Nothing holds the hands together, either: see `rbd.check_motion` and
-        `MotionReport.repaired`. The object is drawn; it touches neither the robot nor the floor.
+        hands each bears its share, as near to it as masses of the object's size can be. This is exact for the robot as a whole
+        (momentum, balance, forces of the floor) while both keep their poses relative to each other. The wrench between them is
+        then the one by which each moves its share: nothing squeezes the object, and where it is smaller than the way between
+        the hands, wrists bear moments that one object would take off them. Nothing holds the hands together, either: see
+        `rbd.check_motion` and `MotionReport.repaired`. The object is drawn; it touches neither the robot nor the floor.
 
         Args:
             things: The objects, of different names.
