@@ -117,7 +117,7 @@ def check_motion(
     placed = placements(robot, motion.q)
     collisions = self_collisions(robot, motion.q, *placed) if self_collision else None
     masks = {
-        "sinks": (lanes.heights < -why.SINKS_M).any(axis=1),
+        "sinks": (lanes.heights < -why.SINKS_M).any(axis=1) | (motion.q[:, 2] < lanes.ground),
         "joint limit": why.beyond_position(motion).any(axis=1),
         "speed limit": why.beyond_speed(motion).any(axis=1),
         "torque-speed": why.beyond_curves(found["tau"], bounds, limit),

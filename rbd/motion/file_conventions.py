@@ -224,6 +224,7 @@ def columns_of_header(robot: CheckedModel, names: Sequence[str], path: Path) -> 
             raise InputError(
                 f"{path.name}: column {k + 1} is named {name!r:.80}, which {robot.name} has no joint for; "
                 f"{nearest(name, [*known, 't', 'root_x', 'root_qw'])}. Leave the column out, or give another robot."
+                f"{looks_like([other for other in names if _part(other) is None])}"
             )
         if joint is None and not part:
             counted.append(name or f"column {k + 1}")
@@ -269,7 +270,7 @@ def columns_by_number(robot: CheckedModel, numbers: Array, joints: Sequence[str]
     )
     fitting = [(i, what) for i in (0, 1) for what, order in known.items() if width == i + base + len(order)]
     if not fitting:
-        raise InputError(f"{path.name} has {width} columns; {expected}")
+        raise InputError(f"{path.name} has {width} columns; {expected}{looks_like(width - base)}")
     shift, what = fitting[0]
     if shift and not (np.diff(numbers[:, 0]) > 0.0).all():
         raise InputError(
@@ -355,6 +356,8 @@ def chosen_order(
     other = "wxyz" if chosen == "xyzw" else "xyzw"
     tilt = f"cosine of the base's tilt in the mean {upright[chosen]:.2f}, in the other order {upright[other]:.2f}"
     notes: list[str] = []
+    if max(upright.values()) < -CLEARLY:
+        notes.append(f"the base is upside down, in either order of its quaternion: {tilt}. Does it turn the base to the world?")
     if given is None and chosen == usual:
         return orders[chosen], notes
     if given is None:

@@ -197,7 +197,7 @@ def _own_times(path: Path, t: Array, given: ReadSettings, row: Callable[[int], s
         return t, []
     own = (len(t) - 1) / float(t[-1] - t[0])
     if not given.trust:
-        check_rate(own, f"the rate of the times in {path.name}")
+        check_rate(float(f"{own:.6g}"), f"the rate of the times in {path.name}, if they are seconds,")
     check_same_rate(given.rate, own, f"the times in {path.name} have")
     even = np.linspace(t[0], t[-1], len(t))
     if 0.0 < np.abs(t - even).max() <= 1.01 * step:

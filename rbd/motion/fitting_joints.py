@@ -20,6 +20,8 @@ OFF = 3e-3
 """Joints beyond their limits by more than this, in the mean of frames and joints, are looked at [rad]; retargeted have 0."""
 FAR = 0.3
 """Beyond this in the mean no order helps: they are those of another robot [rad]."""
+DEGREES = 2.0 * np.pi
+"""Positions of all joints that spread over less are no degrees: of a robot that hardly moves [rad]."""
 CLEARLY = 4.0
 """Another reading is named if joints are beyond their limits by this factor less."""
 LOOKED = 300
@@ -58,7 +60,7 @@ def check_joints(robot: CheckedModel, names: Sequence[str], x: Array, q: Array, 
         found = {what: beyond_limits(robot, order, x).mean() for what, order in readings.items()}
         found["left and right exchanged; rename or exchange its columns"] = beyond_limits(robot, names, x[:, swapped]).mean()
         if units is None:
-            found["degrees, units='deg'"] = beyond_limits(robot, names, np.radians(x)).mean() if np.ptp(x) > np.pi else np.inf
+            found["degrees, units='deg'"] = beyond_limits(robot, names, np.radians(x)).mean() if np.ptp(x) > DEGREES else np.inf
         best = min(found, key=lambda what: found[what])
         worst = int(off.argmax())
         told = f"joint {names[worst]!r:.80} is beyond its limits by {off[worst]:.2g} rad in the mean of the frames"
@@ -69,7 +71,7 @@ def check_joints(robot: CheckedModel, names: Sequence[str], x: Array, q: Array, 
                 f"{file}: {told}, all joints by {off.mean():.2g}; they look like those of another robot than {robot.name}. "
                 "Give the robot that it was made for, joints=[...] in order, or trust=True."
             )
-        return [f"{told}; all joints by {off.mean():.2g} rad."]
+        return [f"{told}; all joints by {off.mean():.2g} rad: are these its joints, in this order?"]
     return _check_sides(robot, names, x, q, swapped, file)
 
 

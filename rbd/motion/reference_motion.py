@@ -177,6 +177,8 @@ class Motion(Displayed):
         if not trust:
             check_base_height(robot, q, height, str(source))
         if v is None:
+            if len(t) == 1:
+                raise InputError(f"{source}: one frame has no velocity; expected two frames or more, or v and a with q.")
             if not trust and counts_frames(t):
                 raise InputError(
                     f"{source}: times are {t[0]:g}, {t[1]:g}, {t[2]:g}, ...: these count frames. Expected seconds: "

@@ -149,7 +149,7 @@ class TestBaseAndJoints:
         refused("fps in a.pkl is 0.0; expected 1 to", fps=0)
         refused("rate is 30, but fps in a.pkl is 60 Hz", settings={"rate": 30})
         refused("has no frame", **{name: np.empty((0, k)) for name, k in (("root_pos", 3), ("root_rot", 4), ("dof_pos", 29))})
-        refused("1 frame has no velocity", **{name: gmr(parts)[name][:1] for name in ("root_pos", "root_rot", "dof_pos")})
+        refused("one frame has no velocity", **{name: gmr(parts)[name][:1] for name in ("root_pos", "root_rot", "dof_pos")})
         refused(r"root_pos\[3, 1\] is nan", root_pos=np.where(np.arange(270).reshape(90, 3) == 10, np.nan, parts["pos"]))
         refused("no floating base", robot=rbd.load_robot("panda", root="fixed"))
         refused("root_pos is text; expected numbers", root_pos="here")
@@ -314,6 +314,38 @@ class TestWhatCannotBe:
             Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"joint_names": list(file_order(g1))}), robot=talos)
         with pytest.raises(InputError, match="29 columns of joints; .*These look like G1 with 29"):
             Motion.read(pickled(tmp_path / "a.pkl", gmr(parts)), robot=talos)
+        base = [f"root_{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+        for header in ("", ",".join([*base, *file_order(g1)])):
+            np.savetxt(tmp_path / "a.csv", parts["qpos"], delimiter=",", header=header, comments="")
+            with pytest.raises(InputError, match="These look like G1 with 29"):
+                Motion.read(tmp_path / "a.csv", robot=talos, rate=60)
+
+    def test_joints_in_a_muddle_are_no_degrees(self, steps, parts, g1, tmp_path):
+        """Small angles are within limits in degrees whatever they are: so that is not proposed."""
+        mixed = parts["dof"][:, np.random.default_rng(0).permutation(29)]
+        for file in (pickled(tmp_path / "a.pkl", gmr(parts) | {"dof_pos": mixed}), tmp_path / "a.npz"):
+            np.savez(tmp_path / "a.npz", qpos=np.hstack([parts["qpos"][:, :7], mixed]), frequency=60.0)
+            try:
+                told = " ".join(Motion.read(file, robot=g1).notes)
+            except InputError as error:
+                told = str(error)
+            assert "beyond its limits" in told and "degrees" not in told
+
+    def test_upside_down_in_either_order(self, steps, parts, g1, tmp_path):
+        """Told; and a robot that hangs below the floor by its soles sinks."""
+        turned = np.tile([0.0, 1.0, 0.0, 0.0], (len(parts["pos"]), 1))
+        found = Motion.read(pickled(tmp_path / "a.pkl", gmr(parts) | {"root_rot": turned}), robot=g1)
+        assert any(note.startswith("the base is upside down, in either order") for note in found.notes)
+        assert rbd.check_motion(found, self_collision=False).of_cause("sinks").all()
+
+    def test_one_frame_and_milliseconds(self, parts, g1, tmp_path):
+        """Named by the file; times of 0.06 frames a second are no seconds."""
+        one = gmr(parts) | {name: gmr(parts)[name][:1] for name in ("root_pos", "root_rot", "dof_pos")}
+        with pytest.raises(InputError, match="a.pkl: one frame has no velocity; expected two frames"):
+            Motion.read(pickled(tmp_path / "a.pkl", one), robot=g1)
+        np.savez(tmp_path / "a.npz", qpos=parts["qpos"], t=np.arange(90) * 1e3 / 60.0)
+        with pytest.raises(InputError, match="times in a.npz, if they are seconds, is 0.06; expected 1 to"):
+            Motion.read(tmp_path / "a.npz", robot=g1)
 
 
 class TestBodies:
