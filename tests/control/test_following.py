@@ -110,9 +110,10 @@ def test_a_step_is_followed_with_wrong_masses_and_less_friction(
     assert off.joint_rms < 0.05
 
 
-def test_a_push_is_taken_up(stepping: Motion) -> None:
-    """3 N s to the side while the weight shifts, a tenth of a metre per second: at the end nothing is left of it."""
-    push = Push("torso_link", (0.0, 60.0, 0.0), start=0.3, duration=0.05)
+@pytest.mark.parametrize(("force", "start"), [((0.0, 60.0, 0.0), 0.3), ((-60.0, 0.0, 0.0), 0.85)])
+def test_a_push_is_taken_up(stepping: Motion, force: tuple[float, float, float], start: float) -> None:
+    """3 N s to the side while the weight shifts, or backwards on one foot: at the end nothing is left of it."""
+    push = Push("torso_link", force, start=start, duration=0.05)
     still, pushed = followed(stepping), followed(stepping, external=push)
     assert 0.01 < np.linalg.norm(pushed.base, axis=1).max() < 0.06
     assert np.linalg.norm(pushed.base[-1]) < np.linalg.norm(still.base[-1]) + 0.015
