@@ -23,8 +23,8 @@ STEP = 0.3
 """Duration of such a step [s]."""
 APART = 0.12
 """Least time between it and other changes of the feet [s]."""
-FLIGHT, LONGEST_FLIGHT = 0.05, 0.8
-"""Nothing stands where the lowest foot is this high [m], for 0.1 s to the other number [s]."""
+FLIGHT, FAST, FLIGHTS = 0.05, 0.7, (0.06, 0.8)
+"""Nothing stands where the lowest foot is this high [m], or the slowest this fast [m/s]: for the least to the longest time [s]."""
 CLEAR = 0.04
 """Height of the lowest corner in the middle of a step, at least [m]."""
 SMOOTH = 0.03
@@ -201,8 +201,9 @@ def standing(on: Array, feet: Feet, ground: float) -> Array:
     on = on.copy()
     low, speed = feet.low - ground, feet.speed
     flies = np.zeros(n, bool)
-    for a, b in stretches(low.min(axis=1) > FLIGHT):
-        flies[a:b] = 0.1 < (b - a) * dt < LONGEST_FLIGHT
+    for a, b in stretches((low.min(axis=1) > FLIGHT) | (speed.min(axis=1) > FAST)):
+        flies[a:b] = FLIGHTS[0] < (b - a) * dt < FLIGHTS[1]
+    on[flies] = False
     for _ in range(2):
         for f in range(on.shape[1]):
             _drop_short(on, f, feet)
