@@ -122,7 +122,7 @@ def _forces(shown: Any) -> CurveChart | None:
 def _constraint_forces(shown: Any) -> CurveChart | None:
     """Of constraints that are no contacts, such as loops: |f| of those with a resultant, else each row."""
     lines, words = [], set()
-    for name, force in getattr(shown, "forces", {}).items():
+    for name, force in (getattr(shown, "forces", None) or {}).items():
         if force.shape[1] in (3, 6):
             lines.append((f"|f| {name}", np.linalg.norm(force[:, :3], axis=1)))
             words.add("N")
