@@ -7,13 +7,12 @@ import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array, as_float, check_number
 from rbd.constraints.constraint import Constraint, listed, made, member, with_loops
-from rbd.constraints.contact import Contact
 from rbd.control.contact_schedule import ContactSchedule, ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.motion_limits import Limits
 from rbd.control.schedules import INSTANT, AcceptedStep, ExternalAt, asked, check_model, checked_period, sample_at
@@ -68,9 +67,10 @@ class Levelled:
 
 
 @lru_cache(maxsize=128)
-def at_corners(contact: Contact, corners: tuple[int, ...]) -> Contact:
+def at_corners(contact: Any, corners: tuple[int, ...]) -> Constraint:
     """`Contact.of_corners`, the same contact each time: terms are kept by it."""
-    return contact.of_corners(corners)
+    found: Constraint = contact.of_corners(corners)
+    return found
 
 
 class _Memory:
@@ -272,9 +272,9 @@ class WholeBodyController(Displayed):
     def _step(self, told: AcceptedStep, seen: SeenContacts) -> TaskActuation:
         """Torques for the contacts that are counted on."""
         own = with_loops(told.state.robot, self.contacts, self.loops)[len(self.contacts) :]
-        whole = [c for c in self.contacts if c.name in seen.since]
+        whole: list[Any] = [c for c in self.contacts if c.name in seen.since]
         parts = {c.name: which for c in whole if (which := self.schedule.part(c.name, told.t)) is not None}
-        acting = [at_corners(c, parts[c.name]) if isinstance(c, Contact) and c.name in parts else c for c in whole]
+        acting = [at_corners(c, parts[c.name]) if c.name in parts else c for c in whole]
         acting += [c for c in own if c.name not in told.inactive]
         frames, turning = frames_of(acting, seen.since), frames_of(acting, parts)
         tips = {name for name, kind in seen.different if kind == "partial"}

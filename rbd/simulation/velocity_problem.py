@@ -29,9 +29,9 @@ from rbd.mechanism.redundant_accelerations import CONTRADICTION, INDEPENDENT, OW
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Bounds, Cone, Product
+from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.gauss_problem import GaussProblem
-from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
 from rbd.simulation.stacked_points import PointLayout, Snapshot
 from rbd.solvers.admm import ConeSolver, holding
@@ -314,7 +314,7 @@ def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tup
 def _portfolio(P: GaussProblem, law: str) -> tuple[Array, float]:
     """(row impulses, residual) by the solvers of `rbd.ConeSolver`, one after another."""
     found = Solution.of(ConeSolver(law=law).solve_from(P, None, others=False))
-    if not found.residuals.within(USABLE):
+    if not found.residuals.within(REST_SPEED):  # of which `simulate` warns where it is above USABLE
         names = ", ".join(r.name for r in P.rows)
         raise NoSolution(
             f"no velocity satisfies the contact law together with {names}: {found.reason or found.worst}.",
