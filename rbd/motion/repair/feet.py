@@ -111,7 +111,9 @@ class Feet:
         lean = np.sign(pitch) * LEAN * np.where(x < 1.0, 0.5 * x**2, x - 0.5)
         for f in range(len(self.corners)):
             for a, b in stretches(lean[:, f] != 0.0):
-                if not edges[a:b, f].any() or np.count_nonzero(on[a:b, f]) * self.dt < LEAST_STANCE:
+                k = a + np.flatnonzero(on[a:b, f])
+                turns = len(k) and np.ptp(self.yaw[k, f]) > TURN
+                if not edges[a:b, f].any() or len(k) * self.dt < LEAST_STANCE or turns:
                     lean[a:b, f] = 0.0
         return replace(self, lean=lean)
 
