@@ -24,7 +24,7 @@ STEP = 0.3
 APART = 0.12
 """Least time between it and other changes of the feet [s]."""
 FLIGHT, FAST, FLIGHTS = 0.05, 0.7, (0.06, 0.8)
-"""Nothing stands where each foot is this high [m], or this fast [m/s]: for the least to the longest time [s]."""
+"""Nothing stands where the lowest foot is this high [m] or the slowest this fast [m/s], from so long to so long [s]."""
 CLEAR = 0.04
 """Height of the lowest corner in the middle of a step, at least [m]."""
 SMOOTH = 0.03
@@ -203,7 +203,7 @@ def standing(on: Array, feet: Feet, ground: float) -> Array:
     on = on.copy()
     low, speed = feet.low - ground, feet.speed
     flies = np.zeros(n, bool)
-    for a, b in stretches(np.all((low > FLIGHT) | (speed > FAST), axis=1)):
+    for a, b in stretches((low.min(axis=1) > FLIGHT) | (speed.min(axis=1) > FAST)):
         flies[a:b] = FLIGHTS[0] < (b - a) * dt < FLIGHTS[1]
     on[flies] = False
     for _ in range(2):

@@ -48,7 +48,7 @@ LIMIT_ROOM, LIMIT_RAD, NEAR_LIMIT = 0.03, 1e-3, 0.02
 """Joints stay this far inside their limits; error that costs one; where they are held, from how far inside these [rad]."""
 TORQUE_SHARE, TORQUE_UNIT = 0.75, 0.02
 """Share of the torque limits that is used; error that costs one, over the limit."""
-APART, APART_UNIT = 6e-3, 1.5e-3
+APART, APART_UNIT = 0.01, 7e-4
 """Bodies are kept this far apart; error that costs one [m]."""
 SPEED_SHARE, SPEED_UNIT = 0.96, 0.002
 """Share of the speed limits that is used; error that costs one, over the limit."""
