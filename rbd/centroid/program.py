@@ -52,7 +52,7 @@ class CentroidCosts(Displayed):
     force: float = 3.0
     force_rate: float = 5.0
     shift: float = 0.04
-    excess: float = 0.02
+    excess: float = 0.4
 
 
 @dataclass(frozen=True, eq=False, repr=False)

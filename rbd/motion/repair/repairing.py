@@ -139,11 +139,12 @@ class Course:
         by_force *= moves[self.group][:, legs].T[:, :, None]
         need = sweep.need[:, actuated[legs]]
         tau = need - np.einsum("njki,nki->nj", by_force, plan.forces)
-        found = []
-        for sign, bound in zip((-1.0, 1.0), reference.torques(sweep.v), strict=True):
-            limit = TORQUE_SHARE * np.abs(bound[:, legs])
-            at, j = np.nonzero(sign * tau > NEAR_TORQUE * limit)
-            found.append((at, -sign * by_force[at, j] / limit[at, j, None, None], 1.0 - sign * need[at, j] / limit[at, j]))
+        bounds, found = [TORQUE_SHARE * np.abs(x[:, legs]) for x in reference.torques(sweep.v)], []
+        size = np.maximum(*bounds)
+        for sign, limit in zip((-1.0, 1.0), bounds, strict=True):
+            at, j = np.nonzero((sign * tau > NEAR_TORQUE * limit) & (size > 0.0))
+            unit = size[at, j]
+            found.append((at, -sign * by_force[at, j] / unit[:, None, None], (limit - sign * need)[at, j] / unit))
         at, C, h = (np.concatenate(x) for x in zip(*found, strict=True))
         return at, C, h
 
