@@ -152,8 +152,7 @@ class CentroidProgram(Displayed):
         k, i = np.nonzero(self.touches)
         E, S = len(k), self.stances
         force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts, excesses
-        none = np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0)
-        over, (times, C, most) = shift + 2 * S, self.limits or none
+        over, (times, C, most) = shift + 2 * S, self._limits()
         excess = over + np.arange(len(times))
         com = self.com if about is None else about.com
         cross = cross_matrices((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
@@ -230,6 +229,9 @@ class CentroidProgram(Displayed):
         """Of the force at each point, shape (n, k); -1 in the air, where it is zero."""
         return np.where(self.touches, np.cumsum(self.touches).reshape(self.touches.shape) - 1, -1)
 
+    def _limits(self) -> tuple[Array, Array, Array]:
+        return self.limits or (np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0))
+
     def _stance(self) -> Array:
         return np.full(self.touches.shape, -1) if self.stance is None else self.stance
 
@@ -276,7 +278,7 @@ class CentroidProgram(Displayed):
             count = stands[:, :S].sum(axis=0)
             R.put(row + 2 * np.arange(S), shift + 2 * np.arange(S), xyz[:2], xyz[:2], np.sqrt(4.0 * dt * count) / w.shift)
             row += 2 * S
-        excesses = 0 if self.limits is None else len(self.limits[0])
+        excesses = len(self._limits()[0])
         R.put(row + np.arange(excesses), shift + 2 * S + np.arange(excesses), [0], [0], share / w.excess)
         out = np.zeros(row + excesses)
         known = np.concatenate(t)

@@ -114,8 +114,7 @@ def check_motion(
     span = (0.0, float(motion.n))
     with one_blas_thread(), progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
         found = balance(motion, lanes, settings, limit, bounds, told)
-    placed = placements(robot, motion.q)
-    collisions = self_collisions(robot, motion.q, *placed) if self_collision else None
+    collisions = self_collisions(robot, motion.q, *placements(robot, motion.q)) if self_collision else None
     masks = {
         "sinks": (lanes.heights < -why.SINKS_M).any(axis=1) | (motion.q[:, 2] < lanes.ground),
         "joint limit": why.beyond_position(motion).any(axis=1),
@@ -123,7 +122,7 @@ def check_motion(
         "torque-speed": why.beyond_curves(found["tau"], bounds, limit),
         "jump": why.jumps(motion),
         "self-collision": False if collisions is None else collisions.inside,
-        "grasp": (Grasps.of(robot, *placed).errors > settings.grasp_tolerance).any(axis=(1, 2)),
+        "grasp": (Grasps.of(robot, motion.q).errors > settings.grasp_tolerance).any(axis=(1, 2)),
     }
     for name, mask in masks.items():
         found["causes"][:, why.CAUSES.index(name)] = mask

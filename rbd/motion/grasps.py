@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
+from rbd.motion.frame_terms import placements
 from rbd.motion.repair.feet import Feet
 from rbd.robots.carried import Carried, carried_by
 
@@ -29,11 +30,13 @@ class Grasps:
     second: Feet
 
     @classmethod
-    def of(cls, robot: CheckedModel, R: Array, p: Array) -> Grasps:
-        """Those of a robot whose joints are placed so, as `placements`."""
+    def of(cls, robot: CheckedModel, q: Array) -> Grasps:
+        """Those of a robot in configurations, shape (n, nq); only where it holds something are its joints placed."""
         things = [each for each in carried_by(robot) if len(each.grasps) == 2]
-        hands = ([each.grasps[i] for each in things] for i in range(2))
-        return cls(things, *(Feet.of(robot, names, np.zeros((0, robot.nq)), 1.0).at(R, p) for names in hands))
+        none = np.zeros((0, robot.nq))
+        found = cls(things, *(Feet.of(robot, [each.grasps[i] for each in things], none, 1.0) for i in range(2)))
+        nowhere = np.zeros((len(q), 1, 3, 3)), np.zeros((len(q), 1, 3))
+        return found.at(*(placements(robot, q) if things else nowhere))
 
     def at(self, R: Array, p: Array) -> Grasps:
         """The same where joints are placed so."""
@@ -46,7 +49,7 @@ class Grasps:
         R, p = np.array([x.rotation for x in X]).reshape(-1, 3, 3), np.array([x.translation for x in X]).reshape(-1, 3)
         return self.first.R @ R, self.first.p + np.matmul(self.first.R, p[:, :, None])[..., 0]
 
-    @property
+    @lazy
     def errors(self) -> Array:
         """How far the second hands are from there, shape (n, k, 2) [m, rad]."""
         if not self.things:

@@ -107,8 +107,9 @@ class Motion(Displayed):
     forces: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("t", "q", "v", "a", "forces")[: 4 + (self.forces is not None)]:
-            object.__setattr__(self, name, locked(getattr(self, name).view()))  # whoever gave an array may go on to write to it
+        for name in ("t", "q", "v", "a", "forces"):
+            if (x := getattr(self, name)) is not None:
+                object.__setattr__(self, name, locked(x.view()))  # whoever gave an array may go on to write to it
 
     @classmethod
     def of_arrays(

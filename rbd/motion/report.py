@@ -24,7 +24,6 @@ from rbd.motion.causes import CAUSES, FIGURES, beyond_position, beyond_speed, to
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.feet_faults import ANGLE, EXCESS, MISSING, SPEED, FeetFaults, grade
-from rbd.motion.frame_terms import placements
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.notes import notes_of
@@ -242,7 +241,7 @@ class MotionReport(Displayed):
     @lazy
     def grasps(self) -> Grasps:
         """What two hands hold, and how far they leave these grasps."""
-        return Grasps.of(self.motion.robot, *placements(self.motion.robot, self.motion.q))
+        return Grasps.of(self.motion.robot, self.motion.q)
 
     @lazy
     def grades(self) -> Array:

@@ -171,16 +171,18 @@ def short_names(files: Sequence[str]) -> dict[str, str]:
 
 def numbers_of(report: MotionReport) -> dict[str, Any]:
     """The summary of a report, and of the one before it, each with the worst frame of the first: what the robot does there."""
-    worst, out = int(np.argmin(report.grades)), list[dict[str, Any]]()
-    for each in (report, report.before):
-        if each is not None:
-            frame = {
-                "frame": worst, "t_s": float(each.motion.t[worst]), "q": each.motion.q[worst].tolist(),
-                "missing": (each.missing[worst, :3] / (each.motion.robot.mass * 9.81)).tolist(),
-                "causes": [cause for cause in CAUSES if each.of_cause(cause)[worst]],
-            }  # fmt: skip
-            out.append(each.summary() | {"worst": frame})
-    return out[0] | ({"before": out[1]} if len(out) > 1 else {})
+    worst = int(np.argmin(report.grades))
+    return _numbers_at(report, worst) | ({} if report.before is None else {"before": _numbers_at(report.before, worst)})
+
+
+def _numbers_at(report: MotionReport, i: int) -> dict[str, Any]:
+    """The summary of a report, and what the robot does in a frame."""
+    frame = {
+        "frame": i, "t_s": float(report.motion.t[i]), "q": report.motion.q[i].tolist(),
+        "missing": (report.missing[i, :3] / (report.motion.robot.mass * 9.81)).tolist(),
+        "causes": [cause for cause in CAUSES if report.of_cause(cause)[i]],
+    }  # fmt: skip
+    return report.summary() | {"worst": frame}
 
 
 def together(numbers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -14,7 +14,6 @@ import rbd
 from rbd.cli.app import app
 from rbd.errors import InputError
 from rbd.motion import Motion, check_motion, minimum_jerk
-from rbd.motion.frame_terms import placements
 from rbd.motion.grasps import Grasps
 
 LEFT, RIGHT = "left_wrist_yaw_link", "right_wrist_yaw_link"
@@ -88,7 +87,7 @@ def test_it_is_followed_though_the_mass_is_wrong(g1: rbd.Robot, lifted: Motion, 
     run = rbd.simulate(lifted.state(0), soles, duration=lifted.duration, step=4e-3, controller=controller, progress=False)
     off = rbd.motion.MotionDifference.of(run, lifted)
     assert off.left_out < 0.005 and np.abs(off.base).max() < 0.01 and off.joint_rms < 0.05
-    assert Grasps.of(lifted.robot, *placements(lifted.robot, run.q)).errors[..., 0].max() < most
+    assert Grasps.of(lifted.robot, run.q).errors[..., 0].max() < most
 
 
 def test_files_and_edits_keep_what_is_carried(lift: Motion, lifted: Motion, tmp_path: Path):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, each_times
+from rbd.arrays import Array, each_times, lazy
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import minimum_jerk_way
@@ -83,18 +83,18 @@ class Feet:
         turned = R[:, self.joint]
         return replace(self, R=turned @ self.R_J, p=p[:, self.joint] + np.matmul(turned, self.p_J[:, :, None])[..., 0])
 
-    @property
+    @lazy
     def low(self) -> Array:
         """Height of the lowest corner of each foot, shape (n, F) [m]."""
         low = [(self.p[:, f, 2, None] + self.R[:, f, 2] @ c.T).min(axis=1) for f, c in enumerate(self.corners)]
         return np.array(low).reshape(len(self.corners), len(self.p)).T
 
-    @property
+    @lazy
     def yaw(self) -> Array:
         """Heading of each foot, without jumps, shape (n, F) [rad]."""
         return np.unwrap(np.arctan2(self.R[..., 1, 0], self.R[..., 0, 0]), axis=0)
 
-    @property
+    @lazy
     def tilt(self) -> Array:
         """Rotation of each foot from level in its own heading, as a rotation vector, shape (n, F, 3) [rad]."""
         return rotation_vectors(turned(-self.yaw) @ self.R)
@@ -136,7 +136,7 @@ class Feet:
             out.append(on[:, f, None] & edges[1 + sides[:, f].astype(int)])
         return out
 
-    @property
+    @lazy
     def places(self) -> Array:
         """x, y [m] and yaw [rad] of each foot were it flat on the edge on which it leans, shape (n, F, 3)."""
         yaw, out = self.yaw, np.dstack([self.p[..., :2], self.yaw])
@@ -144,12 +144,12 @@ class Feet:
             out[:, f, :2] -= each_times(turned(yaw[:, f]), self.raised(f))[:, :2]
         return out
 
-    @property
+    @lazy
     def smooth(self) -> Array:
         """Origins without what is faster than about 5 Hz, shape (n, F, 3) [m]."""
         return blurred(self.p, SMOOTH / self.dt)
 
-    @property
+    @lazy
     def speed(self) -> Array:
         """Speed of each origin, shape (n, F) [m/s]."""
         return np.asarray(np.linalg.norm(np.gradient(self.smooth, self.dt, axis=0), axis=2))

@@ -10,7 +10,6 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.motion.contact_timeline import stretches
 from rbd.motion.difference import MotionDifference
-from rbd.motion.frame_terms import placements
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.repairing import Course, Repaired
@@ -47,7 +46,7 @@ def notes_of(
         way = "raised" if raised > 0.0 else "lowered"
         out.append(f"the reference was {way} by {1e3 * abs(raised):.0f} mm to the floor at z = {course.ground:g} m.")
     out.append(_far(course, found.sweep))
-    grasps = Grasps.of(motion.robot, *placements(motion.robot, motion.q))
+    grasps = Grasps.of(motion.robot, motion.q)
     if grasps.things:
         out.append(f"hands leave the grasp {grasps.words(0, motion.n)} at most.")
     names = [c.name for c in course.contacts]

@@ -191,7 +191,7 @@ class Course:
         course, reference, feet, kept = self, self.reference, self.feet, self.kept
         robot, dt, q = reference.robot, reference.dt, reference.q
         sweep = Sweep.of(robot, q, dt)
-        com, grasps = sweep.com, Grasps.of(robot, sweep.R, sweep.p)
+        com, grasps = sweep.com, Grasps.of(robot, q)
         moment = first = blurred(sweep.moment, 0.03 / dt)
         for turns in LEVEL_TURNS:  # where would the feet stand, were they level, but free to move along the floor?
             R, p, free = course.paths()
@@ -315,12 +315,9 @@ def nearest_in(times: Array, t: Array) -> Array:
 def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slower: float) -> Motion:
     """The poses as a motion at the times of the reference, with its contacts."""
     robot, sweep, course = motion.robot, found.sweep, found.course
-    names = [c.name for c in lanes.contacts if isinstance(c, Contact)]
-    carry = course.feet.carrying(course.on)
     on = np.zeros((len(course.on), len(lanes.points)), bool)
-    for g, contact in enumerate(lanes.contacts):
-        if contact.name in names:
-            on[:, lanes.points.group == g] = carry[names.index(contact.name)]
+    for contact, carry in zip(course.contacts, course.feet.carrying(course.on), strict=True):
+        on[:, lanes.points.group == lanes.contacts.index(contact)] = carry
     wanted = motion.t[0] + slower * (motion.t - motion.t[0])
     near = nearest_in(t, wanted)
     q, v, a, on = sweep.q[near], sweep.v[near], sweep.a[near], on[near]
