@@ -96,8 +96,8 @@ def swung(t: float) -> tuple[float, float]:
 def word() -> Iterator[str]:
     """The rod's word in loop files, while a test lasts."""
     before = dict(loop_file.KINDS)
-    rbd.register_constraint("rod", Rod)
-    yield "rod"
+    rbd.register_constraint("strut", Rod)
+    yield "strut"
     loop_file.KINDS.clear()
     loop_file.KINDS.update(before)
 
@@ -232,7 +232,7 @@ def test_a_loop_file_has_it_by_its_word(word: str, tmp_path: Path):
         ("frame_b: box", r"loops\[0\] \('rod'\) has no 'length'"),
         ("frame_b: box, length: 1, width: 2", "has a key 'width'.*name, kind, frame_a, frame_b, length"),
     ):
-        beside.write_text(f"loops: [{{name: rod, kind: rod, frame_a: universe, {text}}}]")
+        beside.write_text(f"loops: [{{name: rod, kind: {word}, frame_a: universe, {text}}}]")
         with pytest.raises(rbd.errors.ModelError, match=says):
             rbd.load_robot(path)
 
@@ -240,9 +240,9 @@ def test_a_loop_file_has_it_by_its_word(word: str, tmp_path: Path):
 def test_a_word_that_is_not_registered_is_refused_by_name(tmp_path: Path):
     """With the words that there are."""
     path = tmp_path / "x.yaml"
-    path.write_text("loops: [{name: rod, kind: rod, frame_a: a, frame_b: b, length: 1}]")
+    path.write_text("loops: [{name: rod, kind: strut, frame_a: a, frame_b: b, length: 1}]")
     with pytest.raises(
-        rbd.errors.ModelError, match="kind of .*'rod'.* is 'rod'.*Expected one of point, revolute, rigid, planar"
+        rbd.errors.ModelError, match="kind of .*'rod'.* is 'strut'.*Expected one of point, revolute, rigid, planar"
     ):
         loop_file.read_loop_file(path)
 
@@ -250,8 +250,8 @@ def test_a_word_that_is_not_registered_is_refused_by_name(tmp_path: Path):
 def test_it_is_no_coupling(tmp_path: Path, word: None):
     """Its words are read among loops and wheels."""
     path = tmp_path / "x.yaml"
-    path.write_text("couplings: [{name: rod, kind: rod, frame_a: a, frame_b: b, length: 1}]")
-    with pytest.raises(rbd.errors.ModelError, match="kind of .*'rod'.* is 'rod'.*Expected one of coupling"):
+    path.write_text("couplings: [{name: rod, kind: strut, frame_a: a, frame_b: b, length: 1}]")
+    with pytest.raises(rbd.errors.ModelError, match="kind of .*'rod'.* is 'strut'.*Expected one of coupling"):
         loop_file.read_loop_file(path)
 
 
@@ -262,15 +262,15 @@ def test_it_is_no_coupling(tmp_path: Path, word: None):
         (3, Rod, "expected a short one"),
         ("point", Rod, "stands for .* already"),
         ("knife_edge", rbd.KnifeEdge, "stands for .* already"),
-        ("rod", 3, "makes no constraint"),
-        ("rod", lambda length: None, "no parameter `name`"),
+        ("strut", 3, "makes no constraint"),
+        ("strut", lambda length: None, "no parameter `name`"),
     ],
 )
 def test_what_cannot_be_registered_is_refused(word_, kind, says):
     """The word, or what it is to stand for."""
     with pytest.raises(rbd.InputError, match=says):
         rbd.register_constraint(word_, kind)
-    assert "rod" not in loop_file.KINDS
+    assert "strut" not in loop_file.KINDS
 
 
 def test_a_pair_of_robots_takes_it_along():

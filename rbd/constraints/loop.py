@@ -17,35 +17,43 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import overload
+from dataclasses import dataclass, field, replace
+from typing import NoReturn, Self, overload
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_matrix, lazy
+from rbd.arrays import ABOVE_ZERO, Array, check_number, cross_matrix, lazy, rank_of
 from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.contact_points import FromRows
 from rbd.constraints.surface import check_state, check_words, contact_axes, unit_direction
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.problem.cones import Free
+from rbd.problem.cones import Free, NonNegative
 from rbd.problem.rows import Rows
 
-KINDS = {"point": 3, "revolute": 5, "rigid": 6, "planar": 2}
+KINDS = {
+    "point": 3, "revolute": 5, "rigid": 6, "planar": 2, "cylindrical": 4, "prismatic": 5, "universal": 4, "rod": 1, "rope": 1,
+}  # fmt: skip
 """Kinds of closures, with their numbers of rows."""
 
 _HERE = pin.SE3.Identity()
 _WORLD = np.eye(3)
 _OPPOSITE = 1e-8
 """1 + cosine between two axes below which they count as opposite: 180 deg to 0.01 deg, where the rotation is ambiguous."""
+_ACROSS = ("planar", "cylindrical", "prismatic")
+"""Kinds whose rows leave displacements along the axis free."""
+_LINKS = ("rod", "rope")
+_SHORTEST = 1e-9
+"""Distance [m] of the ends of a rod below which it has no direction."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopClosure(Displayed):
-    """A joint between two frames of a robot: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
+    """A joint between two frames of a robot: of a ball, a hinge, a weld, a slide, a cross, a pin in a slot, a rod or a rope.
 
     The kinds, each with its rows::
 
@@ -54,30 +62,46 @@ class LoopClosure(Displayed):
         "revolute"   x (3), turn of the axis about t1 and t2 (2)       and `axis` of frame_b is along `axis` of frame_a
         "rigid"      x (3), turn (3)                                   the frames coincide
         "planar"     t1 . x, t2 . x (2)                                the origins coincide, seen along `axis`
+        "cylindrical"  t1 . x, t2 . x, the turn of "revolute" (4)      "revolute", but frame_b may be displaced along `axis`
+        "prismatic"  t1 . x, t2 . x, the turn of "rigid" (5)           "rigid", but frame_b may be displaced along `axis`
+        "universal"  x (3), u . z (1)                                  the origins coincide, and `axis_b` is across `axis`
+        "rod"        |x| - length (1)                                  the origins are `length` apart
+        "rope"       length - |x| (1, none where it is slack)          likewise; zero or more where it holds
 
-    x = R_a^T (p_b - p_a), and (t1, t2, axis) right-handed in the axes of frame_a. A turn's length is 2 sin(angle / 2), the
-    angle to third order, of the shorter way: J v is its derivative everywhere. Turned by 180 deg "rigid" has singular rows, and
-    "revolute" is refused.
+    x = R_a^T (p_b - p_a), and (t1, t2, u = axis) right-handed in the axes of frame_a; z is `axis_b` there. A turn's length is
+    2 sin(angle / 2), the angle to third order, of the shorter way: J v is its derivative everywhere. Turned by 180 deg "rigid"
+    has singular rows, and "revolute" is refused; so has "universal" with its axes along each other.
 
-    "planar" is for mechanisms all of whose joints turn about parallel axes, or slide across them: there the other rows of a
-    closure are always satisfied, and would be redundant. It allows an offset of the frames along `axis`, as
+    "planar" is a pin in a slot along `axis`: a point of frame_b on a line of frame_a, free to slide along it and to turn. It
+    is for mechanisms all of whose joints turn about parallel axes, or slide across them: there the other rows of a
+    hinge are always satisfied, and would be redundant. It allows an offset of the frames along `axis`, as
     for links on top of each other, and transmits no force along it and no moments; those of a real pin are in no
-    equation of motion.
+    equation of motion. With the axis in the plane of a mechanism it is a pin in a slot of one of its links.
 
-    Bilateral rows: forces in all directions. `solution.forces[name]` is the force (3,) of "point" and "planar", the wrench
-    (6,) of the others, on the body of frame_b at its origin, in world axes; the body of frame_a gets the opposite at the same
-    point. Where frame_b is on the ground it is the force on the body of frame_a: forces act on the robot.
+    A "rod" stands for a link without mass between two balls; its own spin is in no equation. It pushes and pulls. A "rope"
+    only pulls: its row is there where it is taut to `margin`, and its force is zero or more. In a motion it becomes taut by an
+    impact, as contacts do. Without `length` either is as long as the distance where its motion or its file begins: see
+    `anchored`; at one state it then has no error.
+
+    Bilateral rows but for the rope: forces in all directions. `solution.forces[name]` is the force (3,) of "point", "planar",
+    "rod" and "rope", the wrench (6,) of the others, on the body of frame_b at its origin, in world axes; the body of frame_a
+    gets the opposite at the same point. Where frame_b is on the ground it is the force on the body of frame_a: forces act on
+    the robot.
 
     Attributes:
         name: The closure's role, e.g. "coupler_pin".
         frame_a: A frame of the robot, or "universe" for the ground.
         frame_b: A frame on another body, or "universe".
         kind: One of `rbd.constraints.loop.KINDS`.
-        axis: Of the hinge, or normal of the plane, in the axes of frame_a, of any length, shape (3,). For "revolute" it has
-            the same three numbers in frame_b.
+        axis: Of the hinge or slide, normal of the plane, or of the first pin of a cross, in the axes of frame_a, of any
+            length, shape (3,). For "revolute" and "cylindrical" it has the same three numbers in frame_b.
+        axis_b: Of the second pin of a cross, "universal", in the axes of frame_b, of any length, shape (3,).
+        length: Of a rod or rope [m]; None: what it is where it is anchored.
+        margin: Of a rope: distance within which it is taut [m].
 
     Raises:
-        InputError: an unknown kind, an axis of zero length, one frame twice.
+        InputError: an unknown kind, an axis of zero length, one frame twice, "universal" without its second axis, a length that
+            is not positive, a length or second axis of a kind that has none.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -92,8 +116,11 @@ class LoopClosure(Displayed):
     frame_b: str
     kind: str = field(default="point", kw_only=True)
     axis: Sequence[float] | Array = field(default=(0.0, 0.0, 1.0), kw_only=True)
+    axis_b: Sequence[float] | Array | None = field(default=None, kw_only=True)
+    length: float | None = field(default=None, kw_only=True)
+    margin: float = field(default=1e-6, kw_only=True)
     _axes: Array = field(init=False, repr=False)
-    _cone: Free = field(init=False, repr=False)
+    _cone: Free | NonNegative = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_words("a loop closure", name=self.name, frame_a=self.frame_a, frame_b=self.frame_b)
@@ -103,7 +130,21 @@ class LoopClosure(Displayed):
             )
         check_choice(f"kind of loop {self.name!r:.80}", self.kind, KINDS)
         axis = unit_direction(f"axis of loop {self.name!r:.80}", self.axis)
-        self.__dict__.update(axis=axis, _axes=contact_axes(axis), _cone=Free(KINDS[self.kind]))
+        check_number(f"margin of loop {self.name!r:.80}", self.margin, 0.0, math.inf, expected="a distance >= 0 [m]")
+        if (self.axis_b is None) == (self.kind == "universal"):
+            raise InputError(
+                f"loop {self.name!r:.80} of kind {self.kind!r} has axis_b = {self.axis_b!r:.80}; expected the axis of the "
+                "second pin, in frame_b, of kind 'universal', and None of others: axis=(1, 0, 0), axis_b=(0, 1, 0)."
+            )
+        if self.length is not None:
+            if self.kind not in _LINKS:
+                raise InputError(
+                    f"loop {self.name!r:.80} of kind {self.kind!r} has a length; only kinds rod and rope have one."
+                )
+            check_number(f"length of loop {self.name!r:.80}", self.length, ABOVE_ZERO, 1e50, expected="a length > 0 [m]")
+        axis_b = None if self.axis_b is None else unit_direction(f"axis_b of loop {self.name!r:.80}", self.axis_b)
+        cone = NonNegative(1) if self.kind == "rope" else Free(KINDS[self.kind])
+        self.__dict__.update(axis=axis, axis_b=axis_b, _axes=contact_axes(axis), _cone=cone)
 
     @property
     def frames(self) -> tuple[str, str]:
@@ -112,16 +153,21 @@ class LoopClosure(Displayed):
 
     @property
     def size(self) -> int:
-        """Number of rows."""
+        """Number of rows, of a rope where it is taut."""
         return KINDS[self.kind]
 
     @property
-    def directions(self) -> Array:
-        """Those of its first three rows in frame_a, as columns, shape (3, 3); of a planar closure the third has no row."""
-        return self._axes if self.kind == "planar" else _WORLD
+    def is_measured(self) -> bool:
+        """Whether it is a rod or rope whose length is that of the pose at which it is anchored."""
+        return self.kind in _LINKS and self.length is None
 
     @property
-    def cone(self) -> Free:
+    def directions(self) -> Array:
+        """Those of its displacements in frame_a, as columns, shape (3, 3); of "planar" and slides the third has no row."""
+        return self._axes if self.kind in _ACROSS else _WORLD
+
+    @property
+    def cone(self) -> Free | NonNegative:
         """The set of its row forces."""
         return self._cone
 
@@ -138,21 +184,39 @@ class LoopClosure(Displayed):
                 f"{robot.name}; expected frames of two bodies that move against each other."
             )
 
-    def loop_dof(self, state: State, normal: Array | None) -> int:
-        """Number of relative velocities that it leaves free, of six in space, or of three across `normal`."""
+    def anchored(self, state: State) -> Self:
+        """The same, as long as it is at a state where it is a rod or rope without a length.
+
+        Raises:
+            InputError: its ends coincide there.
+        """
+        if not self.is_measured:
+            return self
+        length = float(np.linalg.norm(np.subtract(*[state.frame(frame).X_WF.translation for frame in self.frames])))
+        return replace(self, length=length if length > _SHORTEST else self._no_direction())
+
+    def source(self, start: State) -> FromRows | None:
+        """Of a rope its row also where it is slack; None: of others their rows."""
+        return FromRows(replace(self.anchored(start), margin=math.inf)) if self.kind == "rope" else None
+
+    def loop_dof(self, state: State, normal: Array | None) -> int | None:
+        """Number of relative velocities that it leaves free, of six in space, or of three across `normal`; None of a rope."""
+        if self.kind == "rope":
+            return None
         if normal is None:
             return 6 - KINDS[self.kind]
-        axis = state.frame(self.frame_a).X_WF.rotation @ self.axis
-        along = np.linalg.norm(np.cross(axis, normal)) < 1e-6
-        # "planar" constrains a point in the two directions across its axis.
-        return 3 - {"point": 2, "rigid": 3, "revolute": 2 if along else 3, "planar": 2 if along else 1}[self.kind]
+        # Forces in the plane, and moments across it, are all that its rows do to planar motion.
+        F = self.rows(state).resultant
+        assert F is not None
+        across = F[:3] - np.outer(normal, normal @ F[:3])
+        return 3 - rank_of(np.concatenate([across, (normal[: len(F) - 3] @ F[3:])[None]]), 1e-6, unit=True)
 
     def rows(self, state: State) -> Rows:
         """Bilateral rows in the axes of frame_a; see the class.
 
         Raises:
             FrameNotFound: with the nearest names.
-            InputError: both frames are on one body; the axes of a hinge are opposite.
+            InputError: both frames are on one body; the axes of a hinge are opposite; the ends of a rod coincide.
         """
         check_state(state, self.name)
         self.check(state.robot)
@@ -166,23 +230,54 @@ class LoopClosure(Displayed):
         # As frame_a sees it, in its axes, which turn: of the velocity x x v_a[3:] = - turning @ x, and Coriolis' term.
         linear = R_ab @ B[:3] - A[:3] + cross_matrix(x) @ A[3:]
         linear[:, -1] -= turning @ (turning @ x + 2.0 * linear[:, -2])
-        if self.kind == "planar":
+        if self.kind in _LINKS:
+            return self._link(linear, x, on_robot)
+        if self.kind in _ACROSS:
             T = self._axes[:, :2]
-            across = T.T @ linear
-            return self._made(across[:, :-2], across[:, -2], across[:, -1], T.T @ x, on_robot @ T)
+            linear, x, on_robot_x = T.T @ linear, T.T @ x, on_robot @ T
+        else:
+            on_robot_x = on_robot
         Jx, vx, ax = linear[:, :-2], linear[:, -2], linear[:, -1]
-        if self.kind == "point":
-            return self._made(Jx, vx, ax, x, on_robot)
+        if self.kind not in _TURNS:
+            return self._made(Jx, vx, ax, x, on_robot_x)
         angular = R_ab @ B[3:] - A[3:]
         Jw, w = angular[:, :-2], angular[:, -2]
         aw = angular[:, -1] - turning @ w
-        turn, E, bias = self._hinge(R_ab, w, aw) if self.kind == "revolute" else _weld(R_ab, w, aw)
-        resultant = np.zeros((6, 3 + len(turn)))
-        resultant[:3, :3], resultant[3:, 3:] = on_robot, on_robot @ E.T
+        turn, E, bias = _TURNS[self.kind](self, R_ab, w, aw)
+        p = len(x)
+        resultant = np.zeros((6, p + len(turn)))
+        resultant[:3, :p], resultant[3:, p:] = on_robot_x, on_robot @ E.T
         velocity, biases, error = (np.concatenate(pair) for pair in ((vx, E @ w), (ax, bias), (x, turn)))
         return self._made(np.concatenate([Jx, E @ Jw]), velocity, biases, error, resultant)
 
-    def _made(self, J: Array, velocity: Array, bias: Array, error: Array, resultant: Array) -> Rows:
+    def _link(self, linear: Array, x: Array, on_robot: Array) -> Rows:
+        """The row of a rod or rope along d = x / |x|: |x|' = d . x', |x|'' = d . x'' + (|x'|^2 - |x|'^2) / |x|."""
+        far, pulls = float(np.linalg.norm(x)), self.kind == "rope"
+        error = None if self.length is None else np.array([far - self.length])
+        if pulls and error is not None and -error[0] > self.margin:
+            none = np.zeros(0)
+            return Rows(
+                self.name, np.zeros((0, linear.shape[1] - 2)), none, NonNegative(0), none, none, resultant=np.zeros((3, 0))
+            )
+        if far > _SHORTEST:
+            d, dx = x / far, linear[:, -2]
+            row = d @ linear
+            row[-1] += (dx @ dx - row[-2] ** 2) / far
+        elif pulls and self.margin == math.inf:  # slack, of no direction
+            d, row = x, 0.0 * linear[0]
+        else:
+            self._no_direction()
+        if pulls:
+            d, row, error = -d, -row, None if error is None else -error
+        return self._made(row[None, :-2], row[-2:-1], row[-1:], error, (on_robot @ d)[:, None])
+
+    def _no_direction(self) -> NoReturn:
+        raise InputError(
+            f"the ends of the {self.kind} {self.name!r:.80}, {self.frame_a!r:.80} and {self.frame_b!r:.80}, coincide at this "
+            "state, so it has no direction. Start elsewhere, or join them by kind='point'."
+        )
+
+    def _made(self, J: Array, velocity: Array, bias: Array, error: Array | None, resultant: Array) -> Rows:
         return Rows(self.name, J, bias, self._cone, velocity, error, resultant=resultant)
 
     def _hinge(self, R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
@@ -211,6 +306,14 @@ class LoopClosure(Displayed):
         return k * Ty, E, T.T @ bias
 
 
+def _cross_of(loop: LoopClosure, R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
+    """(error, E, bias) of u . z for the second pin z = R_ab axis_b of a cross, z' = w x z: zero where it is across u."""
+    u, z = loop._axes[:, 2], R_ab @ loop.axis_b
+    W = cross_matrix(w)
+    ddz = cross_matrix(dw) @ z + W @ (W @ z)
+    return np.array([u @ z]), (cross_matrix(z) @ u)[None], np.array([u @ ddz])
+
+
 def _side_by_side(J: Array, v: Array, bias: Array) -> Array:
     """A frame's Jacobian, velocity and bias as columns of one matrix, shape (6, nv + 2)."""
     out = np.empty((6, J.shape[1] + 2))
@@ -218,7 +321,7 @@ def _side_by_side(J: Array, v: Array, bias: Array) -> Array:
     return out
 
 
-def _weld(R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
+def _weld(loop: LoopClosure, R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
     """(error, E, bias) of twice the vector part of the quaternion (x, s) of R_ab, s >= 0, where frame_b turns with w.
 
     (x, s)' = 1/2 (s w - x x w, -x . w): E = s 1 - [x], and (2 x)'' = E w' - 1/2 |w|^2 x, as all other terms cancel.
@@ -228,6 +331,11 @@ def _weld(R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
     E = s * np.eye(3) - cross_matrix(x)
     return 2.0 * x, E, E @ dw - 0.5 * float(w @ w) * x
 
+
+_TURNS = {
+    "revolute": LoopClosure._hinge, "cylindrical": LoopClosure._hinge,
+    "rigid": _weld, "prismatic": _weld, "universal": _cross_of,
+}  # fmt: skip
 
 FEWEST = 3
 """Fewer closures are faster one by one."""

@@ -462,7 +462,9 @@ def _ends(state: State, loop: Constraint) -> tuple[str, str]:
         InputError: it does something else in the plane.
     """
     frames = frames_of(loop)
-    if len(frames) != 2 or loop_dof(loop, state, _NORMAL) != 1:
+    carried = loop.rows(state).resultant
+    pins = carried is None or np.linalg.matrix_rank(carried[[0, 2]]) == 2  # a slide leaves one velocity free, too
+    if len(frames) != 2 or loop_dof(loop, state, _NORMAL) != 1 or not pins:
         raise InputError(
             f"{loop.name!r:.80} is no pin of a loop; link_jacobians wants loop closures of kind planar, point or revolute "
             "about y. For all others: velocity_partition."

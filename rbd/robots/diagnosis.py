@@ -367,6 +367,8 @@ def _gap(loop: Any, state: State) -> tuple[float, float] | None:
     except InputError:
         return None
     assert rows.error is not None  # for closures, couplings and locks
+    if not len(rows):  # a rope that is slack
+        return 0.0, 0.0
     gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
     reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
     return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf

@@ -9,8 +9,10 @@ left out:
     order: [slow_joint, fast_joint]     # joints of a URDF as they are to follow each other in q; else those on one body by name
     frames:                             # more frames, on links of the robot [m, rad]
       coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
-    loops:                              # kind: point, revolute, rigid or planar, see rbd.LoopClosure; axis in frame_a; or yours
+    loops:                              # kind: one of rbd.LoopClosure, axis in frame_a; or yours
       - {name: pin, kind: planar, frame_a: coupler_tip, frame_b: rocker_tip, axis: [0, 1, 0]}
+      - {name: strut, kind: rod, frame_a: crank_tip, frame_b: slider, length: 0.3}    # without: as in posture "assembled"
+      - {name: cross, kind: universal, frame_a: input, frame_b: output, axis: [1, 0, 0], axis_b: [0, 1, 0]}
     couplings:                          # q_joint = ratio q_to + offset, see rbd.JointCoupling
       - {name: gear, joint: left_joint, to: right_joint, ratio: -1, offset: 0}
     wheels:                             # on the ground z = 0; kind: rolling_wheel, rolling_disk (both with axis in frame),
@@ -22,7 +24,7 @@ left out:
 A user's kind is read under `loops` or `wheels` by the name given to `rbd.register_constraint(word, kind)`; its keys
 are its parameters, their values numbers, strings, truth values or lists of numbers:
 
-      - {name: rod, kind: rod, frame_a: coupler_tip, frame_b: rocker_tip, length: 0.3}
+      - {name: strut, kind: air_spring, frame_a: coupler_tip, frame_b: rocker_tip, length: 0.3}
 
 Values follow YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
 robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB are refused by name.
@@ -155,10 +157,13 @@ class FileForm:
 
 
 _ENDS: dict[str, Check] = {"frame_a": checked_name, "frame_b": checked_name, "axis": checked_axis}
+_NEEDED = ("frame_a", "frame_b")
+_LENGTH: dict[str, Check] = {"length": checked_number}
+_MORE: dict[str, dict[str, Check]] = {"universal": {"axis_b": checked_axis}, "rod": _LENGTH, "rope": _LENGTH}
 _JOINTS: dict[str, Check] = {"joint": checked_name, "to": checked_name, "ratio": checked_number, "offset": checked_number}
 _ROLLS: dict[str, Check] = {"frame": checked_name, "radius": checked_number}
 KINDS: dict[str, FileForm] = {
-    **{word: FileForm("loops", partial(LoopClosure, kind=word), _ENDS, ("frame_a", "frame_b")) for word in CLOSURES},
+    **{word: FileForm("loops", partial(LoopClosure, kind=word), _ENDS | _MORE.get(word, {}), _NEEDED) for word in CLOSURES},
     "coupling": FileForm("couplings", JointCoupling, _JOINTS, ("joint", "to", "ratio")),
     "rolling_wheel": FileForm("wheels", RollingWheel, _ROLLS | {"axis": checked_axis}, ("frame", "radius")),
     "rolling_disk": FileForm("wheels", RollingDisk, _ROLLS | {"axis": checked_axis}, ("frame", "radius")),
@@ -189,7 +194,7 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
         (JointLock(name='park', joint='crank_joint', position=array([0.5])),)
     """
     if not isinstance(word, str) or not word.strip() or len(word) > LONGEST_NAME:
-        raise InputError(f"the word for a constraint is {word!r:.80}; expected a short one, e.g. 'rod'.")
+        raise InputError(f"the word for a constraint is {word!r:.80}; expected a short one, e.g. 'belt'.")
     try:
         given = inspect.signature(kind).parameters
     except (TypeError, ValueError):

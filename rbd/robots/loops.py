@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint, check_on
+from rbd.constraints.constraint import Constraint, check_on, member
 from rbd.constraints.joint import JointCoupling, JointLock
 from rbd.constraints.loop import LoopClosure
 from rbd.errors import ModelError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.mjcf.loops_and_motors import WORLD, Equality
 from rbd.model.mjcf.pinocchio_model import pose
+from rbd.model.state import State
 from rbd.robots import catalogue
 from rbd.robots.loop_file import LoopFile, NamedFrame, beside, read_loop_file
 from rbd.robots.number_checks import in_file
@@ -39,14 +40,23 @@ class Mechanism:
     equalities: tuple[Constraint, ...] = ()
     file_name: str = ""
 
-    def loops(self, robot: CheckedModel) -> tuple[Constraint, ...]:
-        """Closures, joint couplings and locks that close this robot's tree.
+    def loops(self, robot: CheckedModel, postures: Mapping[str, Array]) -> tuple[Constraint, ...]:
+        """Closures, joint couplings and locks that close this robot's tree; rods without length as in posture "assembled".
+
+        Args:
+            robot: The robot.
+            postures: Its postures; the neutral one stands for "assembled" where that is not among them.
 
         Raises:
             ModelError: an unknown frame or joint, with the nearest names; two frames of one body; a coupling of a
                 joint with several degrees of freedom.
         """
-        return self._checked("loop", robot, (*self.file.loops, *self.equalities))
+        out = self._checked("loop", robot, (*self.file.loops, *self.equalities))
+        if not any(member(loop, "is_measured") for loop in out):
+            return out
+        state = State(robot, postures.get("assembled", pin.neutral(robot.model)))
+        with in_file(f"{self.file_name}: its loops in posture 'assembled'"):
+            return tuple(member(loop, "anchored")(state) if member(loop, "is_measured") else loop for loop in out)
 
     def wheels(self, robot: CheckedModel) -> tuple[Constraint, ...]:
         """Wheels, balls and knife edges of this robot.

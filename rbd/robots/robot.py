@@ -83,7 +83,7 @@ class Robot(ShapedRobot):
         found = read_postures(self, source, mechanism) if postures is None else {name: q.copy() for name, q in postures.items()}
         self.postures = MappingProxyType({name: locked(q) for name, q in found.items()})
         self.mechanism = mechanism
-        self._loops: tuple[Constraint, ...] = mechanism.loops(self)
+        self._loops: tuple[Constraint, ...] = mechanism.loops(self, found)
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
     springs: Mapping[str, tuple[float, float]] = MappingProxyType({})

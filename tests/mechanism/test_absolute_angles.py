@@ -125,7 +125,8 @@ def test_a_determinant_needs_a_square_j2(talos: rbd.Robot) -> None:
     with pytest.raises(InputError, match="names 'crank' twice"):
         link_jacobians(state, known=["crank", "crank"])
     weld = rbd.LoopClosure("weld", "coupler_tip", "rocker_tip", kind="rigid")
-    for other in (rbd.JointLock("lock", "rocker_joint"), weld):
+    slide = rbd.LoopClosure("slide", "coupler_tip", "rocker_tip", kind="prismatic", axis=(1, 0, 0))
+    for other in (rbd.JointLock("lock", "rocker_joint"), weld, slide):
         with pytest.raises(InputError, match=f"'{other.name}' is no pin of a loop"):
             link_jacobians(state, [other], known=["crank"])
     with pytest.raises(InputError, match="'root_joint' of .* neither turns about y nor slides"):

@@ -153,7 +153,7 @@ def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
 def _loop(robot: CheckedModel, loop: LoopClosure) -> Source | None:
     """Of a loop: forces, and moments of a hinge or a weld, on the body of frame_b, in axes of that of frame_a."""
     (base, X_a), (joint, X_b), kernel = robot.site(loop.frame_a), robot.site(loop.frame_b), law_kernel()
-    if joint == base:
+    if joint == base or loop.kind not in ("point", "planar", "revolute", "rigid"):
         return None
     axes = {"revolute": loop._axes, "rigid": np.zeros((3, 3))}.get(loop.kind)
     turn = NO_MOTION if axes is None else tuple(np.concatenate([X_b.rotation.ravel(), axes.ravel()]).tolist())

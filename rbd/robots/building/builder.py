@@ -227,21 +227,35 @@ class RobotBuilder(Displayed):
         link = checked_name(f"the body {what}", body)
         self._frames[name] = NamedFrame(name, link, checked_triple(f"at {what}", at), checked_triple(f"rpy {what}", rpy))
 
-    def loop(self, name: str, a: End, b: End, *, kind: str, axis: Sequence[float] | Array | None = None) -> None:
+    def loop(
+        self,
+        name: str,
+        a: End,
+        b: End,
+        *,
+        kind: str,
+        axis: Sequence[float] | Array | None = None,
+        axis_b: Sequence[float] | Array | None = None,
+        length: float | None = None,
+    ) -> None:
         """Close a loop of bodies: a joint between two frames, see `rbd.LoopClosure`.
 
         Args:
             name: Of the loop.
             a: A frame or body, or (body, point in its axes [m]); for the point a frame `<name>_a` is added.
             b: The other end, likewise; its frame is `<name>_b`.
-            kind: "point" (a ball joint), "revolute", "rigid", or "planar" (a pin of a flat mechanism).
-            axis: Of "revolute", or normal of "planar", in the axes of a, z by default; that of b is the same.
+            kind: "point" (a ball joint), "revolute", "rigid", "planar" (a pin of flat mechanisms, or in a slot), "cylindrical",
+                "prismatic", "universal", "rod" or "rope".
+            axis: Of "revolute", "cylindrical", "prismatic", the first pin of "universal", or normal of "planar", in the axes of
+                a, z by default; that of b is the same.
+            axis_b: Of the second pin of "universal", in the axes of b.
+            length: Of a "rod" or "rope" [m]; by default that in the posture "assembled", else in the neutral one.
 
         Raises:
-            InputError: a name that is taken, an unknown kind, an axis of zero length.
+            InputError: a name that is taken, an unknown kind, an axis of zero length, keys that a kind does not have.
         """
         names = {f"frame_{key}": end if isinstance(end, str) else f"{name}_{key}" for key, end in (("a", a), ("b", b))}
-        entry = self._entry("loops", f"loop {name!r:.80}", name, kind=kind, **names, axis=axis)
+        entry = self._entry("loops", f"loop {name!r:.80}", name, kind=kind, **names, axis=axis, axis_b=axis_b, length=length)
         for key, end in (("a", a), ("b", b)):
             if isinstance(end, str):
                 continue
