@@ -26,6 +26,7 @@ if _TYPE_CHECKING:
     )
     from rbd.constraints import (
         CollisionContacts as CollisionContacts,
+        DrivenJoint as DrivenJoint,
         FunctionConstraint as FunctionConstraint,
         JointCoupling as JointCoupling,
         JointFriction as JointFriction,
@@ -93,6 +94,9 @@ if _TYPE_CHECKING:
         Body as Body,
         Ground as Ground,
     )
+    from rbd.problem.motions import (
+        Speed as Speed,
+    )
     from rbd.problem.rows import (
         Rows as Rows,
     )
@@ -147,8 +151,8 @@ __version__ = _VERSION
 
 _NAMES = {
     "rbd.constraints": """
-        CollisionContacts FunctionConstraint JointCoupling JointFriction JointLimit JointLock KnifeEdge LineContact LoopClosure
-        PointContact RollingBall RollingDisk RollingWheel SurfaceContact VelocityConstraint
+        CollisionContacts DrivenJoint FunctionConstraint JointCoupling JointFriction JointLimit JointLock KnifeEdge LineContact
+        LoopClosure PointContact RollingBall RollingDisk RollingWheel SurfaceContact VelocityConstraint
     """,
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
@@ -166,6 +170,7 @@ _NAMES = {
     "rbd.motion.reference_motion": "Motion",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.gauss_problem": "GaussProblem",
+    "rbd.problem.motions": "Speed",
     "rbd.problem.rows": "Rows",
     "rbd.robots.building.builder": "RobotBuilder",
     "rbd.robots.carried": "Carried",

@@ -240,6 +240,7 @@ def more_constraints() -> Iterator[object]:
     """One of each that no robot above has."""
     yield rbd.LineContact("edge", "box", half_length=0.1, friction=0.5)
     yield rbd.JointCoupling("gear", "a", "b", ratio=2.0)
+    yield from (rbd.Speed(2.0), rbd.DrivenJoint("drive", "a", rbd.Speed(2.0, start=0.1)))
     yield rbd.KnifeEdge("blade", "box")
     yield rbd.RollingBall("ball", "box", radius=0.1)
     yield rbd.RollingDisk("disk", "box", radius=0.1)

@@ -527,6 +527,14 @@ CASES: dict[str, Case] = {
         lambda **given: use_joint(rbd.JointCoupling(**given)),
         {"name": "gear", "joint": list(BOLT.joints)[3], "to": list(BOLT.joints)[4], "ratio": -2.0, "offset": 0.1},
     ),
+    "Speed": Case(
+        lambda **given: use_joint(rbd.DrivenJoint("drive", list(BOLT.joints)[3], rbd.Speed(**given))),
+        {"rate": 2.0, "start": 0.1},
+    ),
+    "DrivenJoint": Case(
+        lambda **given: use_joint(rbd.DrivenJoint(**given)),
+        {"name": "drive", "joint": list(BOLT.joints)[3], "motion": rbd.Speed(2.0)},
+    ),
     "JointFriction": Case(
         lambda **given: use_joint(rbd.JointFriction(**given)), {"name": "rub", "joint": list(BOLT.joints)[3], "torque": 0.2}
     ),
@@ -987,6 +995,7 @@ CASES: dict[str, Case] = {
     "Robot.with_gravity": Case(
         lambda gravity: rbd.State(BOLT.with_gravity(gravity), STATE.q).h, {"gravity": (0.5, 0.0, -9.0)}, 20
     ),
+    "State.at_time": Case(lambda t: STATE.at_time(t), {"t": 0.5}),
     "State.on": Case(lambda robot: STATE.on(robot), {"robot": BOLT}),
     "State.with_joints": Case(
         lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),

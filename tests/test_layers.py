@@ -285,6 +285,8 @@ class TestWhatStandsOnTop:
             "Bushing",
             "Carried",
             "Damper",
+            "DrivenJoint",
+            "Speed",
             "JointDamping",
             "JointSpring",
             "Motor",

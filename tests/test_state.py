@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import itertools
+import pickle
 import sys
 import threading
 
@@ -392,3 +394,27 @@ class TestJointsByName:
         """With the joint's name, and what was expected."""
         with pytest.raises(kind, match=says):
             talos.standing().with_joints(values)  # type: ignore[arg-type]
+
+
+def test_a_state_keeps_its_time_wherever_it_is_made_from_a_state(talos):
+    """Copies, pickles, other velocities, joints and robots, samples of a trajectory and states between them."""
+    state = talos.standing().at_time(0.25)
+    made = [
+        state.with_velocity(np.ones(talos.nv)), state.with_joints({"torso_2_joint": 0.1}), state.on(talos),
+        state.with_joint_velocities({"torso_2_joint": 0.1}), pickle.loads(pickle.dumps(state)), copy.deepcopy(state),
+        copy.copy(state), rbd.mechanism.project_velocity(state, talos.soles()),
+    ]  # fmt: skip
+    assert [each.t for each in made] == [0.25] * len(made)
+    assert (talos.standing().t, rbd.State(talos, state.q, t=2).t) == (0.0, 2.0)
+    assert "t = 0.25 s" in repr(state)
+    assert "t =" not in repr(talos.standing())
+
+
+def test_a_simulation_begins_at_the_time_of_its_state():
+    """Its samples, its controller, the states of its trajectory and those between samples have one time."""
+    box, asked = rbd.testing.box(mass=2.0), []
+    start = rbd.State(box, [0, 0, 1.0, 0, 0, 0, 1], t=0.5)
+    fall = rbd.simulate(start, duration=0.1, step=1e-2, external=lambda state, t: asked.append((state.t, t)), progress=False)
+    assert abs(fall.t[0] - 0.5) + abs(fall.t[-1] - 0.6) < 1e-12
+    assert all(a == b for a, b in asked)
+    assert [fall.state(3).t, fall.at(0.555).t, fall[4].state.t] == [fall.t[3], 0.555, fall.t[4]]

@@ -5,6 +5,7 @@ from functools import partial as _partial
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import Contact, LineContact, PointContact, SurfaceContact
 from rbd.constraints.contact_points import ContactPoints
+from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.function import FunctionConstraint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock, joint_frictions, joint_limits, mimics
 from rbd.constraints.loop import LoopClosure
@@ -17,6 +18,7 @@ __all__ = [
     "CollisionContacts",
     "Contact",
     "ContactPoints",
+    "DrivenJoint",
     "FunctionConstraint",
     "JointCoupling",
     "JointFriction",

@@ -15,6 +15,7 @@ package read them through the functions of this module, which supply the default
                                   motion is across `normal`, of three. `rbd.solve` warns if it is open
     check(robot)                  refuses a robot without the names that it uses; absent: its frames are checked
     renamed(prefix, placement)    the same on a robot with prefixed names and a displaced world
+    jump(since, t)                of a constraint that depends on time: when its position or velocity jumps, None if never
     hessian(state)                H with J_dot v = v @ H @ v, shape (m, nv, nv), for `rbd.dynamics.constraint_hessian`; absent:
                                   from its rows at each two coordinates of v
 """

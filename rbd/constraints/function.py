@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_finite, identity, is_finite, lazy, max_abs, zeros
-from rbd.constraints.difference_kernel import judged
 from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, NonNegative
+from rbd.problem.difference_kernel import judged
 from rbd.problem.rows import Rows
 
 STEP = 0.01

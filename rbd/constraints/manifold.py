@@ -83,7 +83,7 @@ class StackedRows:
     def elsewhere(self, q: Array, v: Array) -> StackedRows:
         """The same constraints at another state."""
         assert self._manifold is not None
-        return self._manifold.rows(State(self.state.robot, q, v))
+        return self._manifold.rows(State(self.state.robot, q, v, t=self.state.t))
 
     @property
     def drift(self) -> float:
@@ -272,7 +272,7 @@ class ConstraintManifold(Space[LinearisedRows]):
         return self._scaled(q, self.weights)
 
     def _scaled(self, q: Array, weights: Array) -> LinearisedRows:
-        found = self.rows(State(self.robot, q))
+        found = self.rows(State(self.robot, q, t=self._state.t))
         if [len(r) for r in found.rows] != self._sizes:
             raise InputError(f"constraints of {self.robot.name} change their rows near the state (there {self._sizes}).")
         A, here = (found.J * self.scale) * weights[:, None], self.placed

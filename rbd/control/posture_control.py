@@ -152,7 +152,7 @@ def _tipping(
     f = np.linalg.lstsq(C.T, carried + state.M @ a - motors, rcond=None)[0] if len(C) else np.zeros(0)
 
     def force(z: Array) -> Array:
-        near = State(robot, pin.integrate(robot.model, state.q, z))
+        near = State(robot, pin.integrate(robot.model, state.q, z), t=state.t)
         return Z.T @ (motors + rows_at(near).T @ f - load(near) - near.M @ a)
 
     n = Z.shape[1]

@@ -97,7 +97,7 @@ def project_position(
         back = -correction(inertia_factor(state.M), J, error, damping=size) if corrected is None else corrected(state, J, error)
         step = shortened(back)
         for _ in range(HALVINGS):
-            nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v)
+            nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v, t=state.t)
             J_there, error_there = equations(nearer)
             if max_abs(error_there) < size:
                 break

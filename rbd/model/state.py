@@ -9,13 +9,17 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, as_vector3, filled, lazy, locked
+from rbd.arrays import Array, as_finite, as_vector3, check_number, filled, lazy, locked
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool, Slot
 from rbd.records import Axis, Field
+
+_LATEST = 1e12
+"""Bound of times [s]."""
+_WHEN = "a finite number of seconds"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,7 @@ class State(Displayed):
         robot: The robot.
         q: Configuration, shape (nq,); quaternions x, y, z, w. It is copied and normalised.
         v: Velocity, shape (nv,) [m/s, rad/s]; of a floating base in the base's axes. Zero if not given.
+        t: Time [s], for constraints that depend on it: driven joints, ground with a motion. States made from a state keep it.
 
     Raises:
         InputError: wrong sizes, NaN or infinity, a quaternion off the unit sphere by more than 1e-6.
@@ -63,10 +68,12 @@ class State(Displayed):
         Field("com", ("axis",), "m", "centre of mass in W"),
     )
 
-    def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
+    def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None, *, t: float = 0.0) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
         self.robot, self.q, self.v = robot, locked(robot.check_q(q)), robot.zero_v if v is None else locked(robot.check_v(v))
+        known = type(t) is float and abs(t) < _LATEST
+        self.t = t if known else check_number("time t of a state", t, -_LATEST, _LATEST, expected=_WHEN)
 
     _slot: Slot | None = None
     _ticket = 0
@@ -108,16 +115,27 @@ class State(Displayed):
             self._pool.give_back(self._slot, self._ticket)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its terms itself."""
+        """A copy, in another process too, has the same robot, q, v and t, to the last bit, and computes its terms itself."""
         v = None if self.v is self.robot.zero_v else self.v.tobytes()
-        return _again, (self.robot, self.q.tobytes(), v)
+        return _again, (self.robot, self.q.tobytes(), v, self.t)
 
     def __repr__(self) -> str:
-        return f"State({self.robot.name!r}, |v| = {np.linalg.norm(self.v):.3g})"
+        at = f", t = {self.t:.6g} s" if self.t else ""
+        return f"State({self.robot.name!r}, |v| = {np.linalg.norm(self.v):.3g}{at})"
 
     def with_velocity(self, v: Array) -> State:
         """The same configuration with another velocity."""
-        return State(self.robot, self.q, v)
+        return State(self.robot, self.q, v, t=self.t)
+
+    def at_time(self, t: float) -> State:
+        """The same configuration and velocity at a time [s].
+
+        Raises:
+            InputError: a time that is not a finite number.
+
+        >>> round(robot.at("assembled").at_time(0.5).t, 3)
+        """
+        return State(self.robot, self.q, self.v, t=t)
 
     def on(self, robot: CheckedModel) -> State:
         """The same configuration and velocity of another robot with the same joints, as of a heavier one.
@@ -133,7 +151,7 @@ class State(Displayed):
             unlike = ((a, b) for a, b in zip(mine, other, strict=False) if a != b)
             first = next((f"{a!r:.60} in place of {b!r:.60}" for a, b in unlike), "more of them")
             raise InputError(f"{self.robot.name} and {robot.name} have different joints or motors: {first}.")
-        return State(robot, self.q, self.v)
+        return State(robot, self.q, self.v, t=self.t)
 
     def with_joints(self, values: Mapping[str, object]) -> State:
         """The same state with other values of some joints; the rest of q, and v, are unchanged.
@@ -151,7 +169,7 @@ class State(Displayed):
 
         >>> bent = talos.standing().with_joints({"arm_left_4_joint": -1.2, "torso_2_joint": 0.1})
         """
-        return State(self.robot, with_values(self.robot, self.q, values), self.v)
+        return State(self.robot, with_values(self.robot, self.q, values), self.v, t=self.t)
 
     def with_joint_velocities(self, values: Mapping[str, object]) -> State:
         """The same state with other velocities of some joints; q and the rest of v are unchanged.
@@ -166,7 +184,7 @@ class State(Displayed):
 
         >>> swinging = talos.standing().with_joint_velocities({"arm_left_4_joint": 0.5})
         """
-        return State(self.robot, self.q, with_rates(self.robot, self.v, values))
+        return State(self.robot, self.q, with_rates(self.robot, self.v, values), t=self.t)
 
     def _run(self, data: pin.Data) -> None:
         model, q, v = self.robot.model, self.q, self.v
@@ -259,20 +277,20 @@ class State(Displayed):
             return locked(data.Ag.copy()), locked(rate_bias), data.mass[0]
 
 
-def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
-    """The state at q and v as an integrator computed them: it keeps these arrays, if they are as a state's.
+def state_at(robot: CheckedModel, q: Array, v: Array, t: float = 0.0) -> State:
+    """The state at q, v and t as an integrator computed them: it keeps these arrays, if they are as a state's.
 
     Raises:
         InputError: as of `State`.
     """
     if robot._has_state(q, v):
-        return _of_arrays(robot, q, v)
-    return State(robot, q, v)
+        return _of_arrays(robot, q, v, t)
+    return State(robot, q, v, t=t)
 
 
-def _of_arrays(robot: CheckedModel, q: Array, v: Array) -> State:
+def _of_arrays(robot: CheckedModel, q: Array, v: Array, t: float) -> State:
     """The state that keeps these arrays, which are in order."""
-    return filled(State, robot=robot, q=locked(q), v=locked(v))
+    return filled(State, robot=robot, q=locked(q), v=locked(v), t=t)
 
 
 def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:
@@ -318,9 +336,9 @@ def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object]) -> A
     return out
 
 
-def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:
+def _again(robot: CheckedModel, q: bytes, v: bytes | None, t: float) -> State:
     """A state from another one's data: q is not normalised again, which could change its last bit."""
-    return _of_arrays(robot, np.frombuffer(q).copy(), robot.zero_v if v is None else np.frombuffer(v).copy())
+    return _of_arrays(robot, np.frombuffer(q).copy(), robot.zero_v if v is None else np.frombuffer(v).copy(), t)
 
 
 def checked(state: State) -> State:

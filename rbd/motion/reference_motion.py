@@ -319,7 +319,7 @@ class Motion(Displayed):
     def state(self, i: int) -> State:
         """The robot at frame i; negative ones count from the end."""
         check_whole("the frame of a motion", i, self.n - 1, least=-self.n)
-        return State(self.robot, self.q[i], self.v[i])
+        return State(self.robot, self.q[i], self.v[i], t=float(self.t[i]))
 
     def with_contacts(self, contacts: ContactTimeline | None, forces: Array | None = None) -> Motion:
         """The same motion with given contacts, or None to have them found.

@@ -169,6 +169,6 @@ def _slope(state: State, force_at: Callable[[State], Array]) -> Array:
     for i in range(nv):
         d = np.zeros(nv)
         d[i] = _STEP
-        ahead, behind = (State(robot, pin.integrate(robot.model, state.q, x), state.v) for x in (d, -d))
+        ahead, behind = (State(robot, pin.integrate(robot.model, state.q, x), state.v, t=state.t) for x in (d, -d))
         out[:, i] = (force_at(ahead) - force_at(behind)) / (2.0 * _STEP)
     return out

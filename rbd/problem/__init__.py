@@ -8,6 +8,7 @@ from rbd.problem.cones import Bounds, Cone, EllipticCone, Free, FrictionCone, No
 from rbd.problem.corner_cones import LineCone, WrenchCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.ground import Ground
+from rbd.problem.motions import Speed
 from rbd.problem.rows import Rows
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "NonNegative",
     "Product",
     "Rows",
+    "Speed",
     "Status",
     "WrenchCone",
 ]

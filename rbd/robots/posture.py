@@ -167,7 +167,7 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
         _lower(robot, q, feet, planes[0])  # type: ignore[arg-type]
     else:
         _fit(robot, q, feet, planes)  # type: ignore[arg-type]
-    placed = State(robot, q, state.v)
+    placed = State(robot, q, state.v, t=state.t)
     warn_of_gaps(placed, feet, stacklevel=3)  # type: ignore[arg-type]
     return placed
 

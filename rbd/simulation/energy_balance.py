@@ -107,7 +107,7 @@ def _fastest(x: Fields, samples: Sequence[int], *, damped: bool) -> tuple[float,
         turns = [float(np.linalg.norm(data.v[j].angular)) for j in range(1, robot.model.njoints)]
         found += [(turn, f"the turn of {name!r:.80}") for name, turn in zip(names, turns, strict=True)]
         if x["elements"]:
-            rate = element_rate(State(robot, x["q"][i], x["v"][i]), x["elements"], damped=damped)
+            rate = element_rate(State(robot, x["q"][i], x["v"][i], t=float(x["t"][i])), x["elements"], damped=damped)
             found.append((rate, "the motion on force elements"))
     return max(found)
 

@@ -119,7 +119,7 @@ def crossed_in_step(
         else:
             late, before, after = min(touch.late, INSTANT), touch.before, touch.after
             q, v = system.bases.moved(before.q, before.v, late)
-            impact = ImpactState(after.at.state, State(before.robot, q, v), late)
+            impact = ImpactState(after.at.state, State(before.robot, q, v, t=before.t), late)
             zeros = search.between(after.t, before, state_at, impact)
         for each in _crossed(search, zeros, since, t, sample):
             assert each.found is not None

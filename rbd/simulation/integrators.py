@@ -146,6 +146,7 @@ def _smooth_samples(
                 "Take rbd.TimeStepping(), which takes stiff springs and dampers implicitly; or a larger most_steps."
             )
         taken += 1
+        motion.refuse_jumps(stage.t, min(stop, stage.t + longest))
         step, since = step_of(smooth, stage, stop, h), stage.t
         while at < len(times) and times[at] < step.end.t:
             inside = step.at(times[at])

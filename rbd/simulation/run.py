@@ -83,7 +83,7 @@ def simulate(
     it, and bodies inside each other get such a warning, too; from more than 1 cm inside each other there is no motion.
 
     Args:
-        state: Initial configuration and velocity.
+        state: Initial configuration, velocity and time: the motion begins at `state.t`, zero if none was given.
         constraints: As for `rbd.solve`, each with a different name. Bilateral contacts are anchored at the start.
         duration: Simulated time [s].
         step: Time between samples [s]: the step of fixed-step integrators; the last may be shorter.
@@ -131,7 +131,7 @@ def simulate(
     every = check_whole("record_every", record_every, 10**12)
     check_flag("may_sink", may_sink)
     check_flag("progress", progress)
-    times = _times(duration, step)
+    times = [state.t + x for x in _times(duration, step)]
     motion = _motion(
         state, with_loops(state.robot, constraints, loops), controller, external, law, restitution, stabilisation, every,
         events, inactive, step,
@@ -139,14 +139,14 @@ def simulate(
     off = names_of("inactive", inactive)
     chosen = _integrator(integrator, motion, state, off)
     adaptive, explicit = isinstance(chosen, DormandPrince8), isinstance(chosen, RungeKutta4 | DormandPrince8)
-    stiff = too_stiff(motion, state, min(step, times[-1]), adaptive=adaptive) if explicit else ""
+    stiff = too_stiff(motion, state, min(step, duration), adaptive=adaptive) if explicit else ""
     if stiff:
         warnings.warn(f"{state.robot.name} has {stiff}", InaccurateWarning, stacklevel=2)
     recording, passed, k = Recording(motion), list[Event](), 0
     plastic = float(getattr(chosen, "impact_speed", 0.0))
     phases = Phases(replace(motion, plastic=plastic), off, state, times)
     floors = () if may_sink else Floor.of(state, motion.constraints)
-    t, here, interrupted, ended, sunk = 0.0, state, "", Reason.NONE, ""
+    t, here, interrupted, ended, sunk = state.t, state, "", Reason.NONE, ""
     with progress_of(times, shown=progress) as shown, one_blas_thread():
         try:
             motion.start()
@@ -164,11 +164,11 @@ def simulate(
                 if sunk:
                     break
         except KeyboardInterrupt:
-            if t == 0.0:  # no step was taken: there is no motion to return
+            if t == state.t:  # no step was taken: there is no motion to return
                 raise
             interrupted, ended = f"interrupted at t = {t:.6g} s of {times[-1]:.6g} s", Reason.INTERRUPTED
         except Exception as error:  # a controller, a force or a constraint of the user can raise any exception
-            if isinstance(error, InputError) and t == 0.0:
+            if isinstance(error, InputError) and t == state.t:
                 raise
             kept, why, ended = None, f"stopped at t = {t:.6g} s", _reason(error)
             if len(recording):
@@ -422,7 +422,7 @@ class Phases:
         if switch.q is not None or switch.v is not None:
             q: Array = state.q if switch.q is None else switch.q  # type: ignore[assignment]  # State checks it
             v: Array = state.v if switch.v is None else switch.v  # type: ignore[assignment]
-            state = State(motion.robot, q, v)
+            state = State(motion.robot, q, v, t=state.t)
         self._active = [c for c in motion.constraints if c.name in switch.on or (c.name in before and c.name not in switch.off)]
         new = [c for c in self._active if c.name not in before]
         for c in new:

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, filled, lazy, zeros
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import (
     AcceptedStep,
@@ -139,6 +139,25 @@ class SimulatedMotion:
         motors = np.arange(robot.nv)[robot.motors].tolist()
         return np.array([place[i] for i in motors], int) if all(i in place for i in motors) else None
 
+    @lazy
+    def timed(self) -> tuple[Constraint, ...]:
+        """Its constraints that depend on time."""
+        return tuple([c for c in self.constraints if callable(member(c, "jump"))])
+
+    def refuse_jumps(self, since: float, t: float) -> None:
+        """Refuse a step in which a prescribed motion jumps.
+
+        Raises:
+            InputError: one does, with its time.
+        """
+        for constraint in self.timed:
+            if (at := member(constraint, "jump")(since, t)) is not None:
+                raise InputError(
+                    f"the motion of {constraint.name!r:.80} jumps at t = {at:.6g} s, in position or velocity: that is an "
+                    "impact, and no finite force drives it. Give one whose velocity is continuous, e.g. a spline, or a ramp in "
+                    "place of the jump."
+                )
+
     def start(self) -> None:
         """Tell the controller that a motion starts."""
         reset = hook(self.controller, "reset")
@@ -175,7 +194,7 @@ class SimulatedMotion:
             NoSolution: it is beyond the bounds of a `State`.
         """
         try:
-            return state_at(self.robot, q, v)
+            return state_at(self.robot, q, v, t)
         except InputError as error:
             raise NoSolution(
                 f"the motion of {self.robot.name} has grown beyond bounds at t = {t:.6g} s: {error} Give a smaller step, and "
@@ -348,8 +367,8 @@ class Sample(Displayed):
 
     @lazy
     def state(self) -> State:
-        """The robot at (q, v)."""
-        return State(self.robot, self.q, self.v)
+        """The robot at (q, v) and t."""
+        return State(self.robot, self.q, self.v, t=self.t)
 
     @property
     def forces(self) -> dict[str, Array]:

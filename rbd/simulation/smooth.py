@@ -117,7 +117,7 @@ class SmoothMotion:
         self._given = self._anchored if given == placed else ConstraintManifold.unchecked(state, given, carried)
         self._open = 0.0
         self._elements = motion.may_have_elements
-        carried_first = any(carried) or _surfaces_move(self._anchored.rows(state))
+        carried_first = any(carried) or bool(motion.timed) or _surfaces_move(self._anchored.rows(state))
         self._works = bool(given) and (self._projection is None or carried_first)
         self._pushed = self._works or callable(motion.external) or motion.pushed
         self._solver = StageSolver()
@@ -228,7 +228,7 @@ class SmoothMotion:
             # Where rows are nearly dependent a small error means a large displacement.
             enough = 0.5 * projection.tolerance * solver.spread(held)
             rounding = EXACT * max(1.0, max_abs(held.state.v))
-            if error <= max(enough, EXACT) and rate <= max(10.0 * enough, rounding):
+            if error <= max(enough, EXACT) and rate <= max((1.0 if self.motion.timed else 10.0) * enough, rounding):
                 break
             state = held.state
             d = -solver.back(held, held.error, held.placed, damping=error) if error > 0.1 * enough else None

@@ -209,6 +209,7 @@ class StepSystem:
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
         passed = Passed()
+        self.motion.refuse_jumps(half.start.t, t_end)
         end = self._advanced(half, t_end, passed).__dict__
         return Step(filled(Instant, **{**end, "t": t_end}), passed)  # sums of parts are off by rounding
 
@@ -365,8 +366,11 @@ class StepSystem:
                 end = self.correction.positions(made, t, pressed, gaps.size, self.ground)
                 if end is not made and (caught or self.correction.owes(start.at, made, pressed, moved)):
                     other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
-            if answer.redundant and self.correction.bilateral:
+            if (answer.redundant or self.motion.timed) and self.correction.bilateral:
+                made = end
                 end = self.correction.velocities(end, t)
+                if self.motion.timed:
+                    other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
                 if end.layout is layout:
                     answer = answer._replace(velocity=np.where(layout.held, end.velocity, answer.velocity))
         norms, by_law, previous = answer.norms, answer.velocity, None

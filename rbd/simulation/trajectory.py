@@ -248,7 +248,7 @@ class Trajectory(Displayed):
     def state(self, i: int) -> State:
         """The robot at sample i; negative ones count from the end."""
         i = self._index(i)
-        return State(self.robot, self.q[i], self.v[i])
+        return State(self.robot, self.q[i], self.v[i], t=float(self.t[i]))
 
     def at(self, t: float) -> State:
         """The robot at any time between the first sample and the last: its recorded state, or one between two.
@@ -266,7 +266,7 @@ class Trajectory(Displayed):
             return self.state(i)
         share = float((t - self.t[i]) / (self.t[i + 1] - self.t[i]))
         q = pin.interpolate(self.robot.model, self.q[i], self.q[i + 1], share)
-        return State(self.robot, q, (1.0 - share) * self.v[i] + share * self.v[i + 1])
+        return State(self.robot, q, (1.0 - share) * self.v[i] + share * self.v[i + 1], t=float(t))
 
     def __len__(self) -> int:
         return len(self.t)

@@ -145,8 +145,8 @@ def slopes(sample: Callable[[State], Array], state: State, of: str = "") -> tupl
 
         return np.column_stack([by(i) for i in range(robot.nv)])
 
-    by_q = along(lambda dq: State(robot, chart.q(dq), v), STEP, "q")
-    return by_q, along(lambda dv: State(robot, q, v + dv), 10.0 * STEP, "v")
+    by_q = along(lambda dq: State(robot, chart.q(dq), v, t=state.t), STEP, "q")
+    return by_q, along(lambda dv: State(robot, q, v + dv, t=state.t), 10.0 * STEP, "v")
 
 
 @dataclass(frozen=True, eq=False)

@@ -237,7 +237,7 @@ class Linearised(Displayed):
         given = as_finite("x", x, (self.n,), meaning=f": {', '.join(self.positions)}, then velocities")
         robot, change = self.state.robot, self.space.basis @ given
         q = pin.integrate(robot.model, self.state.q, change[: robot.nv])
-        return State(robot, pin.normalize(robot.model, q), self.state.v + change[robot.nv :])
+        return State(robot, pin.normalize(robot.model, q), self.state.v + change[robot.nv :], t=self.state.t)
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Its eigenvalues in the complex plane, on axes; see `rbd.visual.plot_eigenvalues`."""

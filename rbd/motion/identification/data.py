@@ -67,7 +67,7 @@ class MeasuredMotion(Displayed):
 
     def __post_init__(self) -> None:
         x: Any = self.motion
-        if not isinstance(getattr(x, "robot", None), CheckedModel) or not all(hasattr(x, name) for name in ("t", "q", "v")):
+        if not isinstance(getattr(x, "robot", None), CheckedModel) or not all(np.ndim(getattr(x, name, 0.0)) for name in "tqv"):
             raise InputError(f"motion is {x!r:.80}; expected an rbd.Motion, or what rbd.simulate returns.")
         robot, frames = x.robot, len(x.t)
         if getattr(x, "a", None) is None:

@@ -1,0 +1,203 @@
+"""Motions of time, of driven joints and moving ground: constant speed, a spline or a function, with two derivatives.
+
+A function that gives its value alone is differentiated here: differences of sixth order, with steps that shrink until those of
+fourth order agree, exact to 1e-10 in s' and 1e-9 in s'', of the largest of value and derivative.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, as_array, as_finite, is_finite
+from rbd.displayed import Displayed
+from rbd.errors import InputError, RbdError
+
+Motion: TypeAlias = Callable[[float], Any]
+"""A motion as users give it: t -> s, or t -> (s, s', s''); or a spline of SciPy's, whose derivatives are its own."""
+STEP = 0.01
+"""First step of differences that is tried [s]."""
+ROUGH = 1e-6
+"""Relative difference of two orders above which a function has no derivative."""
+INSTANT = 1e-8
+"""Time within which a change is a jump [s]."""
+SMOOTH = 1e-9
+"""A change that differs by less, relative, from the integral of the rate is no jump."""
+_NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+_STEPS = STEP * 0.25 ** np.arange(9)
+_WANTS = "a function t -> s or t -> (s, s', s''), a spline of SciPy's, or rbd.Speed(rate)"
+
+
+@dataclass(frozen=True, eq=False)
+class Speed(Displayed):
+    """Motion at constant speed, s = start + rate t, for `rbd.DrivenJoint` and `rbd.Ground(motion=)`.
+
+    Attributes:
+        rate: [rad/s] or [m/s]; of ground a vector (3,) in W.
+        start: s at t = 0 [rad] or [m], of the rate's shape.
+
+    Raises:
+        InputError: numbers that are not finite, or not of one shape.
+
+    Example:
+        >>> crank = rbd.Speed(30.0, start=0.5)
+        >>> crank(0.1)
+        (3.5, 30.0, 0.0)
+    """
+
+    rate: float | Sequence[float] | Array
+    start: float | Sequence[float] | Array = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        rate = as_finite("rate of a Speed", self.rate, (), ("n",))
+        start = as_finite("start of a Speed", self.start, (), rate.shape)
+        number = not rate.ndim
+        self.__dict__.update(rate=float(rate) if number else rate, start=float(start) if number else start + 0.0 * rate)
+
+    def __call__(self, t: float) -> tuple[Any, Any, Any]:
+        """(s, s', s'') at a time [s]."""
+        rate: Any = self.rate
+        return self.start + rate * t, rate, 0.0 * rate
+
+
+class Prescribed:
+    """(s, s', s'') of a motion of time, checked.
+
+    Args:
+        what: What it is, for messages: "motion of 'crank'".
+        motion: As users give it.
+        shape: Shape of s, () or (n,).
+
+    Raises:
+        InputError: it is no motion, or a spline that is not twice differentiable.
+    """
+
+    def __init__(self, what: str, motion: object, shape: tuple[int, ...] = ()) -> None:
+        self.what, self.motion, self.shape = what, motion, shape
+        self._rates: tuple[Motion, Motion] | None = None
+        self._ends: tuple[float, float] | None = None
+        self._smooth = math.inf, -math.inf
+        derivative: Any = getattr(motion, "derivative", None)
+        if not callable(motion) or isinstance(motion, type):
+            raise InputError(f"{what} is {motion!r:.80}; expected {_WANTS}.")
+        if callable(derivative):
+            try:
+                first = derivative()
+                self._rates = first, first.derivative()
+            except Exception as error:
+                raise InputError(f"{what} is a spline that is not twice differentiable ({error}); give a cubic one.") from error
+            self._ends = _ends(motion)
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """(s, s', s'') at a time [s], each of `shape`.
+
+        Raises:
+            InputError: values of a wrong size, or not finite; no derivative here; beyond the ends of a spline.
+        """
+        if self._rates is None:
+            given = self._called(t)
+            if given.shape == (3, *self.shape):
+                return given[0], given[1], given[2]
+            return (given, *self._derivatives(t, given))
+        if self._ends is not None and not self._ends[0] - INSTANT <= t <= self._ends[1] + INSTANT:
+            raise InputError(
+                f"{self.what} is a spline from t = {self._ends[0]:g} to {self._ends[1]:g} s, asked at t = {t:.6g} s. Give more "
+                "of it, a shorter duration, or the time at which to start: state.at_time(t)."
+            )
+        s, rate, acceleration = (self._value(as_array(self.what, f(t)), t) for f in (self.motion, *self._rates))  # type: ignore[operator]
+        return s, rate, acceleration
+
+    def first(self, t: float) -> tuple[Array, Array]:
+        """(s, s') at a time [s], of a function that gives s alone."""
+        s = self._value(self._called(t), t)
+        return s, self._derivatives(t, s, slopes=2)[0]
+
+    def jump(self, since: float, t: float) -> float | None:
+        """A time in an interval at which s or s' jumps [s]; None if there is none.
+
+        Each change is compared with the integral of its rate by Simpson's rule, in intervals halved until they agree. An
+        interval that was found smooth is not looked at again.
+        """
+        first, last = self._smooth
+        begin = last if first <= since <= last else since
+        found = self._jump(begin, t, self._stacked(begin), self._stacked(t)) if t > begin else None
+        if found is None:
+            self._smooth = (first if begin == last else since), max(t, begin)
+        return found
+
+    def _stacked(self, t: float) -> Array:
+        return np.array(self.at(t)).reshape(3, -1)
+
+    def _jump(self, since: float, t: float, before: Array, after: Array) -> float | None:
+        h, middle = t - since, 0.5 * (since + t)
+        between = self._stacked(middle)
+        most = np.abs([before[1:], between[1:], after[1:]]).max(axis=(0, 2))
+        size = SMOOTH * np.maximum(np.abs([before[:2], after[:2]]).max(axis=(0, 2)), h * most)
+        change = after[:2] - before[:2]
+        off = np.abs(change - h / 6.0 * (before[1:] + 4.0 * between[1:] + after[1:])).max(axis=1)
+        if (off <= size).all():
+            return None
+        if h > INSTANT:
+            early = self._jump(since, middle, before, between)
+            return self._jump(middle, t, between, after) if early is None else early
+        return t if (np.abs(change).max(axis=1) > 3.0 * h * most + size).any() else None
+
+    def _called(self, t: float) -> Array:
+        try:
+            out = self.motion(t)  # type: ignore[operator]
+        except RbdError:
+            raise
+        except Exception as error:
+            raise InputError(f"{self.what} raised {type(error).__name__} at t = {t:.6g} s: {str(error):.200}.") from error
+        return self._value(as_array(self.what, out), t, (3, *self.shape))
+
+    def _value(self, given: Array, t: float, *others: tuple[int, ...]) -> Array:
+        if given.shape not in (self.shape, *others):
+            n = "a number" if not self.shape else f"shape {self.shape}"
+            raise InputError(
+                f"{self.what} gave {given!r:.80} at t = {t:.6g} s, of shape {given.shape}; expected s, {n}"
+                + (", or (s, s', s''), three of them." if others else ".")
+            )
+        if not is_finite(given.ravel()):
+            raise InputError(f"{self.what} is {given!r:.80} at t = {t:.6g} s; expected finite numbers.")
+        return given
+
+    def _derivatives(self, t: float, middle: Array, slopes: int = 1) -> tuple[Array, Array]:
+        """(s', s'') by differences; of two slopes s' twice.
+
+        Raises:
+            InputError: two orders differ at every step.
+        """
+        from rbd.problem.difference_kernel import judged
+
+        flat = np.atleast_1d(middle)
+        found, left, size = np.ones((2, len(flat) + 2)), np.arange(2), 0.0
+        found[:, -2] = np.inf
+        for h in _STEPS:
+            values = np.array([np.atleast_1d(self._value(self._called(t + x), t)) for x in h * _NODES])
+            moved = np.broadcast_to(values, (len(left), 1, *values.shape)).copy()
+            left, size = judged(moved, flat, np.array([h]), left, slopes, size, found)
+            if not len(left):
+                break
+        apart = float((found[:, -2] / found[:, -1]).max()) if len(left) else 0.0
+        if not apart <= ROUGH:
+            raise InputError(
+                f"{self.what} has no derivatives at t = {t:.6g} s that differences can find (two orders are apart by "
+                f"{min(apart, 1.0):.1g}, expected {ROUGH:g}): a jump, a kink, noise, or the end of where it is defined? Give "
+                "t -> (s, s', s''), where s' may not jump."
+            )
+        return found[0, :-2].reshape(self.shape), found[1, :-2].reshape(self.shape)
+
+
+def _ends(spline: Any) -> tuple[float, float] | None:
+    """Where a spline begins and ends [s]; None if that is not known, or if it repeats."""
+    if getattr(spline, "extrapolate", None) == "periodic":
+        return None
+    x = getattr(spline, "x", None)
+    if x is None and hasattr(spline, "t") and hasattr(spline, "k"):
+        x = spline.t[spline.k : len(spline.t) - spline.k]
+    return None if x is None or not len(x) else (float(x[0]), float(x[-1]))
