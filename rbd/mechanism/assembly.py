@@ -22,7 +22,8 @@ from rbd.mechanism.constraint_error import (
     independent_columns,
     position_residual,
 )
-from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw, joints_in_words
+from rbd.mechanism.idle import told
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, draw, joints_in_words
 from rbd.model.state import State, checked
 from rbd.problem.rows import Rows
 
@@ -270,6 +271,7 @@ class Branches(Displayed):
         since_new: Starts since the last new branch was found.
         seed: Of the starts.
         skipped: Constraints that were skipped, with the reason.
+        idle: Links that turn by themselves and were left at rest: poses that differ by such turns count as one.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -284,6 +286,7 @@ class Branches(Displayed):
     since_new: int
     seed: int
     skipped: tuple[str, ...]
+    idle: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.found)
@@ -303,6 +306,7 @@ class Branches(Displayed):
             marks = "".join([", singular" * b.singular, *(f"; beyond its limits: {joint}" for joint in b.beyond_limits)])
             lines.append(f"  branch {i}: {', '.join(b.joints)}; {b.hits} hit{'s' * (b.hits != 1)}{marks}")
         lines += [f"  not asked: {why}" for why in self.skipped]
+        lines += [f"  idle: {body} turns by itself" for body in self.idle]
         return "\n".join(lines)
 
 
@@ -321,7 +325,8 @@ def branches(
     """All assembly modes of a mechanism that many random starts find.
 
     A start draws every joint over its limits, or over one turn, or (prismatic, without limits) over the robot's reach, and is
-    moved onto the constraints as in `assemble`. Poses that differ by whole turns count as one.
+    moved onto the constraints as in `assemble`. Poses that differ by whole turns count as one, and those that differ by idle
+    freedoms, such as the spin of a link between two balls.
 
     Args:
         state: Of the robot; its configuration is not used, starts are drawn.
@@ -370,10 +375,11 @@ def branches(
                 nearest = found.at
             continue
         closed += 1
-        known = next((k for k, (pose, _) in enumerate(poses) if distance(robot, pose.q, found.at.q) < SAME), len(poses))
+        at = closure.rested(found.at)
+        known = next((k for k, (pose, _) in enumerate(poses) if closure.apart(pose.q, at.q) < SAME), len(poses))
         hits[known] += 1
         if known == len(poses):
-            poses.append((found.at, _is_singular(closure, found.at, tolerance, max_iterations)))
+            poses.append((at, _is_singular(closure, at, tolerance, max_iterations)))
             last_new = i
     if not poses:
         if nearest is None:
@@ -386,7 +392,7 @@ def branches(
         words = joints_in_words(robot, q, without=closure.fixed)
         out.append(Branch(q, hits[k], pose.residual, flat, beyond_limits(robot, q), words))
     out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
-    return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped)
+    return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped, told(closure.idle or []))
 
 
 def _is_singular(closure: Closure, at: ConstraintResidual, tolerance: float, most: int) -> bool:

@@ -15,6 +15,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent
 from rbd.mechanism.constraint_error import Closure
 from rbd.mechanism.continuation import ArcStep, Drive, Point, PoseCurve
+from rbd.mechanism.idle import told
 from rbd.mechanism.poses import LimitViolation, beyond_limits, distance, measured
 from rbd.model.checked_model import FARTHEST
 from rbd.model.joints import ANGLE
@@ -86,7 +87,9 @@ def trace(
     driven = Drive(closure, joint)
     first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance, loops=loops)
     curve = PoseCurve(closure, tolerance, longest_step)
-    motion = DrivenMotion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
+    start = closure.start(first.q)
+    start = closure.rested(start) if len(start.null) > 1 else start
+    motion = DrivenMotion(curve, driven, driven.start(curve, start), float(wanted[0]), max_steps, progress)
     if past_limits:
         motion.go_round(float(wanted[-1]))
     else:
@@ -120,6 +123,7 @@ def _found(motion: DrivenMotion, moved: float) -> Trace:
         moved,
         motion.curve.steps,
         motion.drive.place.unit,
+        told(motion.curve.closure.idle or []),
     )
 
 
@@ -356,6 +360,7 @@ class Trace(Displayed):
         moved: Distance of the first pose from the start, as in `Assembly`.
         steps: Steps tried.
         unit: Of the driven joint's values: "rad" or "m".
+        idle: Links that turn by themselves, as between two balls, and were left at rest.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(2.0, 2.0, 2.0, 3.0)  # its crank does not turn round
@@ -379,6 +384,7 @@ class Trace(Displayed):
     moved: float
     steps: int
     unit: str = ANGLE
+    idle: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.input)
@@ -410,4 +416,5 @@ class Trace(Displayed):
             lines.append(f"  not reached: {told(first)}" + f" to {told(last)}" * (len(self.unreached) > 1))
         lines += ["  back where it began"] * self.closed
         lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
+        lines += [f"  idle, left at rest: {body} turns by itself" for body in self.idle]
         return "\n".join(lines)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.arrays import Array, as_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
@@ -15,6 +16,8 @@ from rbd.constraints.joint import joint_limits
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or, rank_of as rank_at
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different, check_kind
+from rbd.mechanism.idle import IdleFreedom, idle_directions, idle_freedoms
+from rbd.mechanism.poses import distance
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 from rbd.problem.cones import Bounds, NonNegative
@@ -35,9 +38,11 @@ class ConstraintResidual(Residual):
         rows: All rows, in the constraints' order.
         error: Position errors, shape (m,) [m, rad]; of unilateral rows, only violations.
         J: Jacobian of these over the free velocities, in units of `Closure.scale`, shape (m, free).
+        idle: Directions of idle freedoms that are at rest, shape (k, free).
     """
 
     rows: tuple[Rows, ...]
+    idle: Array
 
     @lazy
     def svd(self) -> tuple[Array, Array, Array]:
@@ -67,6 +72,7 @@ class Closure(Space[ConstraintResidual]):
 
     Attributes:
         skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
+        idle: Idle freedoms that are left at rest: their directions are rows of J, without an error; see `rested`.
 
     Raises:
         InputError: no constraints, no robot, values of a wrong size.
@@ -93,6 +99,22 @@ class Closure(Space[ConstraintResidual]):
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
         self.skipped: tuple[str, ...] = ()
+        self.idle: list[IdleFreedom] | None = None
+
+    def rested(self, at: ConstraintResidual) -> ConstraintResidual:
+        """The residual with idle freedoms at rest from here on; they are looked for where J first allows a velocity."""
+        if self.idle is not None or not len(at.null):
+            return at
+        off = lambda z: self.at(self.move(at.q, z)).residual  # noqa: E731
+        self.idle = idle_freedoms(at.state, at.J, self.free, self.scale, off)
+        return self.at(at.q) if self.idle else at
+
+    def apart(self, one: Array, other: Array) -> float:
+        """Distance of two poses as `poses.distance`; of idle freedoms the second is turned towards the first."""
+        for _ in range(4 if self.idle else 0):
+            Z = self.at(other).idle
+            other = self.move(other, np.linalg.lstsq(Z, Z @ self.way(other, one), rcond=None)[0])
+        return distance(self.robot, one, other)
 
     def start(self, q0: Array) -> ConstraintResidual:
         """The residual at q0 with the fixed joints at their values; the constraints are checked here.
@@ -116,11 +138,15 @@ class Closure(Space[ConstraintResidual]):
 
     def _residual(self, state: State, rows: tuple[Rows, ...]) -> ConstraintResidual:
         parts = [position_residual(r) for r in rows if self._one_sided or type(r.cone) is not NonNegative]
-        parts = [part for part in parts if len(part[0])]
+        parts, none = [part for part in parts if len(part[0])], np.zeros((0, len(self.free)))
         if not parts:
-            return ConstraintResidual(state, np.zeros(0), np.zeros((0, len(self.free))), rows)
+            return ConstraintResidual(state, np.zeros(0), none, rows, none)
         error, J = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
-        return ConstraintResidual(state, error, J[:, self.free] * self.scale, rows)
+        J = J[:, self.free] * self.scale
+        Z = idle_directions(state, J, self.free, self.scale, self.idle) if self.idle else none
+        if len(Z):  # as a projector, whose sign does not depend on that of the directions
+            error, J = np.concatenate([error, np.zeros(len(self.free))]), np.concatenate([J, np.linalg.pinv(Z) @ Z])
+        return ConstraintResidual(state, error, J, rows, Z)
 
     def _check(self, rows: list[Rows]) -> None:
         skipped, says = [], False
@@ -252,6 +278,13 @@ class BilateralVelocities:
                 )
             out.append(r)
         return StackedRows(state, out)
+
+    def off(self, free: Array, dv: Array) -> float:
+        """Largest position error of the bilateral rows after a displacement of some velocities [m, rad]."""
+        away = np.zeros(self.state.robot.nv)
+        away[free] = dv
+        there = State(self.state.robot, pin.integrate(self.state.robot.model, self.state.q, away))
+        return max([0.0, *(max_abs(position_residual(r)[0]) for r in rows_of(there, self.given) if r.cone.bilateral)])
 
     def values(self, known: Rates, what: str) -> tuple[Array, Array]:
         """(which velocities are known, their values), both (nv,)."""

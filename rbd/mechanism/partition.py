@@ -31,6 +31,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularPose, nearest
 from rbd.errors.inputs import listed_items
 from rbd.mechanism.constraint_error import BilateralVelocities, Closure, Rates, branches_meet, independent_columns, rank_of
+from rbd.mechanism.idle import IdleFreedom, idle_directions, idle_freedoms, told
 from rbd.model.inertial import body_names
 from rbd.model.state import State, checked
 from rbd.robots.linkage import link_angles
@@ -45,7 +46,8 @@ class VelocityColumns:
         unknown: Names of the others.
         J_known: J1, shape (m, known).
         J_unknown: J2, shape (m, unknown).
-        singular_values: Of J2, with velocities that slide in units of the robot's length, shape (min(m, unknown),).
+        singular_values: Of J2, with velocities that slide in units of the robot's length, shape (min(m, unknown),); of idle
+            freedoms one.
     """
 
     known: tuple[str, ...]
@@ -110,6 +112,7 @@ class _Partition(Displayed):
 
     columns: VelocityColumns
     residual: float
+    idle: tuple[str, ...]
 
     @property
     def condition(self) -> float:
@@ -124,7 +127,7 @@ class _Partition(Displayed):
     def _table(self, what: str, unknown: Mapping[str, float]) -> str:
         known, lines = len(self.columns.known), [f"  {name:24s} {value:.6g}" for name, value in unknown.items()]
         head = f"{what}: {known} known, {len(self.columns.unknown)} unknown, condition {self.condition:.4g}"
-        return "\n".join([head, *lines])
+        return "\n".join([head, *lines, *(f"  idle, left at rest: {body} turns by itself" for body in self.idle)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +139,7 @@ class VelocityPartition(_Partition):
         rates: {unknown velocity: its value} [rad/s, m/s].
         columns: J1 and J2, their rank and condition.
         residual: Largest `|J v - u|` [m/s, rad/s].
+        idle: Links that turn by themselves, as between two balls: of them v is that without such a turn.
 
     Example:
         >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
@@ -160,6 +164,7 @@ class AccelerationPartition(_Partition):
         accelerations: {unknown acceleration: its value} [rad/s2, m/s2].
         columns: J1 and J2, their rank and condition.
         residual: Largest `|J a + J_dot v|` [m/s2, rad/s2].
+        idle: Links that turn by themselves, as between two balls: of them a is that without such a turn.
 
     Example:
         >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
@@ -255,8 +260,8 @@ def acceleration_partition(
 
 def _solved(
     held: BilateralVelocities, known: Rates, rhs: Array, what: str
-) -> tuple[VelocityColumns, float, Array, dict[str, float]]:
-    """(columns, residual, all values, {unknown: its value}) of J x = rhs with some of x known.
+) -> tuple[VelocityColumns, float, tuple[str, ...], Array, dict[str, float]]:
+    """(columns, residual, idle links, all values, {unknown: its value}) of J x = rhs with some of x known.
 
     Raises:
         SingularPose: the known values do not determine the others.
@@ -265,21 +270,32 @@ def _solved(
     mask, x = held.values(known, what)
     names = np.array([c.name for c in held.joints.velocities], dtype=object)
     s, Vt = _filled(held, mask, x, rhs)
+    idle = list[IdleFreedom]()
+    if rank_of(s) < (~mask).sum():
+        free, metric = np.flatnonzero(~mask), held.joints.scale[~mask]
+        J2 = held.J[:, ~mask] * metric
+        idle = idle_freedoms(held.state, J2, free, metric, lambda z: held.off(free, metric * z))
+        s, Vt = _filled(held, mask, x, rhs, idle_directions(held.state, J2, free, metric, idle))
     columns = VelocityColumns(tuple(names[mask]), tuple(names[~mask]), held.J[:, mask], held.J[:, ~mask], s)
     if columns.rank < len(columns.unknown):
         raise _undecided(held, columns, Vt[columns.rank :], what)
     residual = max_abs(held.J @ x - rhs)
     if residual > _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
         raise _contradicted(held, known, rhs, residual, what)
-    return columns, residual, x, dict(zip(columns.unknown, x[~mask].tolist(), strict=True))
+    return columns, residual, told(idle), x, dict(zip(columns.unknown, x[~mask].tolist(), strict=True))
 
 
-def _filled(held: BilateralVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
-    """J2's singular values and right vectors; x, in place, solves J x = rhs by least squares where J2 determines it."""
+def _filled(held: BilateralVelocities, mask: Array, x: Array, rhs: Array, idle: Array | None = None) -> tuple[Array, Array]:
+    """Singular values and right vectors of J2, with the rows of idle directions that are at rest.
+
+    x, in place, solves J x = rhs by least squares where these determine it.
+    """
     metric = held.joints.scale[~mask]
-    U, s, Vt = np.linalg.svd(held.J[:, ~mask] * metric)
+    more = np.zeros((0, len(metric))) if idle is None else idle
+    U, s, Vt = np.linalg.svd(np.concatenate([held.J[:, ~mask] * metric, more]))
     if rank_of(s) == len(metric):
-        x[~mask] = metric * (Vt.T @ (((rhs - held.J[:, mask] @ x[mask]) @ U[:, : len(s)]) / s))
+        left = np.concatenate([rhs - held.J[:, mask] @ x[mask], np.zeros(len(more))])
+        x[~mask] = metric * (Vt.T @ ((left @ U[:, : len(s)]) / s))
     return s, Vt
 
 
