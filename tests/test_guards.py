@@ -874,6 +874,7 @@ CASES: dict[str, Case] = {
         {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "prefer": ["crank_joint"]},
     ),
     "mechanism.link_angles": Case(rbd.mechanism.link_angles, {"state": LINKED}),
+    "mechanism.with_link_angles": Case(rbd.mechanism.with_link_angles, {"state": LINKED, "angles": {"crank": 0.3}}),
     "mechanism.link_rates": Case(rbd.mechanism.link_rates, {"state": LINKED, "rates": np.array([1.0, -0.5, 0.3])}),
     "mechanism.link_jacobians": Case(
         rbd.mechanism.link_jacobians, {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "known": ["crank"]}

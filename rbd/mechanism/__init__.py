@@ -20,7 +20,7 @@ from rbd.mechanism.projection import ProjectedAcceleration, project_acceleration
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
 from rbd.modules import submodule as _submodule
-from rbd.robots.linkage import Link, Linkage, link_angles
+from rbd.robots.linkage import Link, Linkage, link_angles, with_link_angles
 from rbd.robots.standard_linkages import four_bar, n_four_bar, slider_crank
 
 __all__ = [
@@ -59,6 +59,7 @@ __all__ = [
     "slider_crank",
     "trace",
     "velocity_partition",
+    "with_link_angles",
 ]
 
 

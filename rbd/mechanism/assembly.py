@@ -37,7 +37,7 @@ class Assembly(Displayed):
     """A configuration that satisfies the constraints, as `assemble` finds it, with its residual.
 
     Attributes:
-        q: The configuration, shape (nq,).
+        state: The robot there, at rest; `q` is its configuration, shape (nq,).
         residual: Largest entry of the errors [m, rad].
         iterations: Steps taken.
         moved: Distance from the start to q, the shorter way for angles [rad, m].
@@ -53,7 +53,7 @@ class Assembly(Displayed):
         0 True moved 2.23 rad
     """
 
-    q: Array
+    state: State
     residual: float
     iterations: int
     moved: float
@@ -61,6 +61,11 @@ class Assembly(Displayed):
     dof: int
     skipped: tuple[str, ...]
     beyond_limits: tuple[LimitViolation, ...]
+
+    @property
+    def q(self) -> Array:
+        """The configuration, shape (nq,)."""
+        return self.state.q
 
     def __str__(self) -> str:
         lines = [
@@ -135,7 +140,7 @@ def assemble(
             elsewhere=end.q,
         )
     beyond = beyond_limits(robot, end.q)
-    return Assembly(end.q, end.residual, found.steps, moved, end.rows, len(end.null), closure.skipped, beyond)
+    return Assembly(end.state, end.residual, found.steps, moved, end.rows, len(end.null), closure.skipped, beyond)
 
 
 def _from_lower_down(
@@ -238,7 +243,7 @@ class Branch(Displayed):
     """One assembly mode of a mechanism, as `branches` finds it.
 
     Attributes:
-        q: Its configuration, shape (nq,), angles in (-pi, pi] where limits allow.
+        state: The robot there, at rest; `q` is its configuration, shape (nq,), angles in (-pi, pi] where limits allow.
         hits: Number of starts that ended there.
         residual: Largest entry of the errors [m, rad].
         singular: Whether the constraints lose rank there: another branch meets it, or it is flat.
@@ -252,12 +257,17 @@ class Branch(Displayed):
         (('coupler_joint -124.57 deg', 'rocker_joint -140.07 deg'), False)
     """
 
-    q: Array
+    state: State
     hits: int
     residual: float
     singular: bool
     beyond_limits: tuple[LimitViolation, ...]
     joints: tuple[str, ...] = ()
+
+    @property
+    def q(self) -> Array:
+        """The configuration, shape (nq,)."""
+        return self.state.q
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,11 +306,23 @@ class Branches(Displayed):
         """The configurations, shape (k, nq)."""
         return np.array([branch.q for branch in self.found])
 
+    @property
+    def unseen(self) -> float:
+        """An estimate of how many branches were not found, from how often the others were: f1 (f1 - 1) / (2 (f2 + 1)).
+
+        f1 branches were hit once, f2 twice (Chao's estimate, bias-corrected [Chao1984]). It is a lower bound of the mean, for
+        starts that are independent: branches of which a start has less chance than of all that were found can be missing
+        where it is zero. About f1 / closed is the chance that the next start ends on a new one.
+        """
+        once, twice = (sum(branch.hits == k for branch in self.found) for k in (1, 2))
+        return once * (once - 1) / (2.0 * (twice + 1))
+
     def __str__(self) -> str:
         k = len(self.found)
         lines = [
             f"{k} branch{'es' * (k != 1)} in {self.tries} tries (seed {self.seed}; {self.closed} closed), the last new "
-            f"one {self.since_new} tries before the end. That there are no more is not proved."
+            f"one {self.since_new} tries before the end; by their hits {self.unseen:.3g} more. That there are no more is not "
+            "proved."
         ]
         for i, b in enumerate(self.found):
             marks = "".join([", singular" * b.singular, *(f"; beyond its limits: {joint}" for joint in b.beyond_limits)])
@@ -390,7 +412,7 @@ def branches(
     for k, (pose, flat) in enumerate(poses):
         q = canonical(robot, pose.q, closure.held)
         words = joints_in_words(robot, q, without=closure.fixed)
-        out.append(Branch(q, hits[k], pose.residual, flat, beyond_limits(robot, q), words))
+        out.append(Branch(State(robot, q), hits[k], pose.residual, flat, beyond_limits(robot, q), words))
     out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
     return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped, told(closure.idle or []))
 

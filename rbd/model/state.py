@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -38,6 +38,19 @@ class FrameKinematics:
     J: Array
     v: Array
     bias: Array
+
+
+class JointState(NamedTuple):
+    """A joint at a state.
+
+    Attributes:
+        position: Angle [rad], of continuous joints in (-pi, pi], or displacement [m]; of several degrees of freedom its part
+            of q.
+        velocity: [rad/s, m/s]; of several degrees of freedom its part of v.
+    """
+
+    position: float | Array
+    velocity: float | Array
 
 
 class State(Displayed):
@@ -185,6 +198,20 @@ class State(Displayed):
         >>> swinging = talos.standing().with_joint_velocities({"arm_left_4_joint": 0.5})
         """
         return State(self.robot, self.q, with_rates(self.robot, self.v, values), t=self.t)
+
+    def joint(self, name: str) -> JointState:
+        """Position and velocity of a joint, by its name.
+
+        Raises:
+            JointNotFound: with the nearest names.
+
+        >>> talos.standing().joint("arm_left_4_joint").position
+        -1.0
+        """
+        joint = self.robot.joints[name]
+        if joint.nv > 1:
+            return JointState(self.q[joint.q], self.v[joint.v])
+        return JointState(joint.coordinate(self.q), float(self.v[joint.v.start]))
 
     def _run(self, data: pin.Data) -> None:
         model, q, v = self.robot.model, self.q, self.v

@@ -90,7 +90,7 @@ def along_gravity(gravity: Array, points: Array, height: float | Array = 0.0) ->
 Plane = Literal["xy", "xz", "yz"]
 """The axes of W along which a planar base slides."""
 PLANES: tuple[Plane, ...] = get_args(Plane)
-_TURNS: Mapping[str, Array] = {
+TURNS: Mapping[str, Array] = {
     "xy": np.eye(3),
     "xz": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "yz": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
@@ -124,7 +124,7 @@ def turn_base(model: pin.Model, plane: Plane) -> None:
         model: As it was built: its joint 1 is the base.
         plane: The plane.
     """
-    T = _TURNS[plane]
+    T = TURNS[plane]
     if plane == "xy":
         return
     back = pin.SE3(T.T, np.zeros(3))
@@ -143,10 +143,10 @@ def plane_of_base(model: pin.Model) -> Plane | None:
     if model.njoints < 2 or model.names[1] != BASE_JOINT or model.joints[1].shortname() != "JointModelPlanar":
         return None
     T = model.jointPlacements[1].rotation
-    return next((plane for plane in PLANES if np.array_equal(T, _TURNS[plane])), None)
+    return next((plane for plane in PLANES if np.array_equal(T, TURNS[plane])), None)
 
 
 def base_turn(model: pin.Model) -> pin.SE3 | None:
     """X_JB from the axes of a planar base's joint to those of its root link; None where they are the same."""
     plane = plane_of_base(model)
-    return None if plane in (None, "xy") else pin.SE3(_TURNS[plane].T, np.zeros(3))
+    return None if plane in (None, "xy") else pin.SE3(TURNS[plane].T, np.zeros(3))

@@ -262,6 +262,43 @@ def link_angles(state: State) -> dict[str, float]:
     return out
 
 
+def with_link_angles(state: State, angles: Mapping[str, float]) -> State:
+    """The same state with links of a mechanism in the x-z plane at other angles from the ground, as `link_angles` measures.
+
+    Joints of other links keep their values, so that what hangs on a link turns with it. Loops are left as they are: see
+    `rbd.mechanism.assemble`.
+
+    Args:
+        state: The mechanism; its velocity is unchanged.
+        angles: {link: angle [rad]}, of links whose joints turn.
+
+    Raises:
+        InputError: an unknown link, one that its joint does not turn, two on one body at different angles, another plane.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(40, 120, 80, 100)
+        >>> posed = rbd.mechanism.with_link_angles(robot.at(), {"crank": 0.7, "coupler": 0.35})
+        >>> {name: round(posed.joint(name).position, 4) for name in ("crank_joint", "coupler_joint")}
+        {'crank_joint': 0.7, 'coupler_joint': -0.35}
+    """
+    wanted, at = checked_mapping("angles", angles), link_angles(state)
+    for link in wanted:
+        checked_number(f"angle of {check_choice('link', link, at)!r:.80}", wanted[link])
+    for joint in state.robot.joints.values():
+        for link in [link for link in wanted if state.robot.site(link)[0] == joint.id]:
+            now = joint.coordinate(state.q) if joint.nv == 1 else 0.0
+            turn = wrapped(wanted[link] - link_angles(state)[link])
+            trial = link_angles(state.with_joints({joint.name: now + 0.5}))[link] if joint.nv == 1 else at[link]
+            sign = round(2.0 * wrapped(trial - link_angles(state)[link]))
+            if not sign:
+                raise InputError(f"{link!r:.80} is not turned by its joint, {joint.name!r:.80}; expected a link on a hinge.")
+            state = state.with_joints({joint.name: now + sign * turn})
+    found = link_angles(state)
+    if far := [link for link, angle in wanted.items() if abs(wrapped(found[link] - angle)) > 1e-9]:
+        raise InputError(f"{far[0]!r:.80} stays at {found[far[0]]:.6g} rad: it is fixed to the ground or to another one named.")
+    return state
+
+
 def meeting(p: Point, b: float, o: Point, c: float, side: float) -> tuple[float, float]:
     """Angles of a bar b from p and a bar c from o whose ends meet.
 

@@ -163,6 +163,7 @@ class RobotBuilder(Displayed):
         damping: float = 0.0,
         friction: float = 0.0,
         armature: float = 0.0,
+        plane: Plane = "xy",
     ) -> None:
         """Declare the joint by which a body hangs on another one.
 
@@ -171,7 +172,7 @@ class RobotBuilder(Displayed):
             parent: A body, or "ground" where the root is fixed.
             child: The body that it moves; a body hangs on one joint.
             kind: "revolute" (q is the angle), "continuous" (q is its cosine and sine), "prismatic", "ball" (a quaternion),
-                "planar" (slides and turns in the x-y plane of its axes), "free", or "fixed".
+                "planar" (slides and turns in a plane of its axes), "free", or "fixed".
             at: Origin of the child's axes in the parent's, shape (3,) [m].
             rpy: Their roll, pitch and yaw [rad].
             axis: In the child's axes, shape (3,), of any length.
@@ -182,6 +183,8 @@ class RobotBuilder(Displayed):
             damping: Of the file [N m s/rad, N s/m]; the dynamics have it where `external` does.
             friction: Dry friction [N m, N], for `robot.joint_frictions()`.
             armature: Rotor inertia seen through the gear [kg m2, kg].
+            plane: Of a planar joint: "xy" by default; "xz", where it turns about -y, or "yz", as of a planar root. The file
+                has a link `<name>_plane` between the two bodies.
 
         Raises:
             InputError: a name that is taken, a child with two parents, an axis of zero length, an unknown kind, numbers that
@@ -190,7 +193,7 @@ class RobotBuilder(Displayed):
         self._unused("joint", name, (*self._joints, BASE_JOINT))
         made = BuilderJoint(
             name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, effort=effort, limits=limits, speed=speed,
-            damping=damping, friction=friction, armature=armature,
+            damping=damping, friction=friction, armature=armature, plane=plane,
         )  # fmt: skip
         if child == GROUND and self.root == "fixed":
             raise InputError(f"joint {name!r:.80} moves the ground, which is fixed; expected it as the parent.")

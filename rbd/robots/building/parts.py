@@ -14,6 +14,7 @@ from rbd.arrays import Array, check_flag
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.urdf import LIGHTEST
+from rbd.model.world import PLANES
 from rbd.robots.building.solids import Solid, joined
 from rbd.robots.number_checks import Check, checked_axis, checked_name, checked_number, checked_numbers, checked_triple
 
@@ -93,6 +94,7 @@ class BuilderJoint:
     damping: float
     friction: float
     armature: float
+    plane: str = "xy"
 
     def __post_init__(self) -> None:
         what, put = f"joint {checked_name('the name of a joint', self.name)!r:.80}", partial(object.__setattr__, self)
@@ -101,8 +103,14 @@ class BuilderJoint:
         check_flag(f"motor of {what}", self.motor)
         if self.parent == self.child:
             raise InputError(f"{what} joins {self.parent!r:.80} with itself; expected two bodies.")
+        check_choice(f"plane of {what}", self.plane, PLANES)
+        if self.plane != "xy" and self.kind != "planar":
+            raise InputError(f"{what} is {self.kind} and has a plane, {self.plane!r}; expected kind='planar'.")
         if self.kind == "planar" and self.axis != (0.0, 0.0, 1.0):
-            raise InputError(f"{what} is planar, with axis {self.axis}; it moves in x and y of its frame: turn that by rpy.")
+            raise InputError(
+                f"{what} is planar, with axis {self.axis}; it moves in x and y of its frame: give plane='xz' or 'yz', or turn "
+                "that by rpy."
+            )
         if self.motor and self.kind in ("fixed", "free"):
             raise InputError(
                 f"{what} is {self.kind} and has a motor; expected a joint that a motor can move: {', '.join(SINGLE)}."

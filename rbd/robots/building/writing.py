@@ -14,6 +14,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import ModelError, nearest
 from rbd.model.urdf import PAIRS, grouped, hanging
+from rbd.model.world import TURNS
 from rbd.robots.building.parts import ENTRIES, FARTHEST_SLIDE, FARTHEST_TURN, SINGLE, URDF_TYPES, BuilderBody, BuilderJoint
 from rbd.robots.building.solids import Solid
 from rbd.robots.loop_file import NamedFrame
@@ -76,9 +77,16 @@ def _origin(at: Sequence[float] | Array, rpy: Sequence[float] | Array) -> str:
 
 
 def _joint(joint: BuilderJoint) -> Iterator[str]:
+    child, rpy = joint.child, joint.rpy
+    if joint.plane != "xy":  # a joint in the plane of turned axes, and these turned back
+        child, T = f"{joint.name}_plane", TURNS[joint.plane]
+        rpy = pin.rpy.matrixToRpy(pin.rpy.rpyToMatrix(np.array(rpy, float)) @ T)
+        back = _origin((0.0, 0.0, 0.0), pin.rpy.matrixToRpy(T.T))
+        yield f'  <link name={quoteattr(child)}/>\n  <joint name={quoteattr(f"{child}_joint")} type="fixed">{back}'
+        yield f"<parent link={quoteattr(child)}/><child link={quoteattr(joint.child)}/></joint>\n"
     yield f'  <joint name={quoteattr(joint.name)} type="{URDF_TYPES[joint.kind]}">\n'
-    yield f"    <parent link={quoteattr(joint.parent)}/>\n    <child link={quoteattr(joint.child)}/>\n"
-    yield f"    {_origin(joint.at, joint.rpy)}\n"
+    yield f"    <parent link={quoteattr(joint.parent)}/>\n    <child link={quoteattr(child)}/>\n"
+    yield f"    {_origin(joint.at, rpy)}\n"
     if joint.kind in SINGLE:
         yield f'    <axis xyz="{spaced(joint.axis)}"/>\n'
         far = FARTHEST_TURN if joint.kind == "revolute" else FARTHEST_SLIDE
