@@ -514,6 +514,9 @@ CASES: dict[str, Case] = {
         lambda **given: rbd.PointContact("toe", FRAME, on=rbd.Body(**given)).rows(STATE),
         {"frame": BOLT.frames()[-1], "normal": np.array([0.0, 0.6, 0.8])},
     ),
+    "Ground, moved": Case(
+        lambda **given: use_ground(rbd.Ground(point=np.zeros(3), **given)), {"motion": rbd.Speed((0.1, 0.0, 0.2))}
+    ),
     "Ground, by its height": Case(use_ground, {"on": 0.25}),
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
     "JointLimit": Case(
@@ -555,7 +558,7 @@ CASES: dict[str, Case] = {
     ),
     "VelocityConstraint": Case(
         lambda **given: use_moving(rbd.VelocityConstraint(**given)),
-        {"name": "row", "A": np.linspace(-1.0, 1.0, 6), "bias": None},
+        {"name": "row", "A": np.linspace(-1.0, 1.0, 6), "bias": None, "b": 0.5, "b_rate": None},
     ),
     "KnifeEdge": Case(
         lambda **given: use_moving(rbd.KnifeEdge(**given)),
@@ -617,13 +620,15 @@ CASES: dict[str, Case] = {
         use_problem,
         {"M": np.diag([1.0, 2.0]), "rhs": np.array([1.0, -1.0]), "rows": [rbd.Rows(**PLAIN, cone=rbd.problem.Free(2))]},
     ),
-    "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V}, 200),
+    "State": Case(rbd.State, {"robot": BOLT, "q": STATE.q, "v": V, "t": 0.1}, 200),
     "KKT": Case(lambda problem: rbd.KKT().solve(problem), {"problem": rbd.gauss_problem(STATE, TAU, BOLT.feet(None))}),
     "ProxQP": Case(lambda problem: rbd.ProxQP().solve(problem), {"problem": PROBLEM}),
     "ConeSolver": Case(lambda law, problem: rbd.ConeSolver(law=law).solve(problem), {"law": "coulomb", "problem": PROBLEM}),
     "gauss_problem": Case(rbd.gauss_problem, ASKED),
     "solve": Case(rbd.solve, {**ASKED, "solver": rbd.ProxQP(), "check": True, "rest_speed": 1e-6}, 200),
-    "solve_many": Case(use_many, MANY | {"law": "coulomb", "external": np.zeros(BOLT.nv), "friction": 0.5, "rest_speed": 1e-6}),
+    "solve_many": Case(
+        use_many, MANY | {"law": "coulomb", "external": np.zeros(BOLT.nv), "friction": 0.5, "rest_speed": 1e-6, "t": 0.1}
+    ),
     "hold_many": Case(
         lambda **given: use_actuations(rbd.statics.hold_many(**given)),
         {key: MANY[key] for key in ("robot", "q")} | {"contacts": FEET, "coefficients": 0.5, "friction": "cone", "margin": 0.0},
@@ -632,7 +637,14 @@ CASES: dict[str, Case] = {
     "inverse_dynamics_many": Case(
         lambda **given: use_actuations(rbd.control.inverse_dynamics_many(**given)),
         {key: MANY[key] for key in ("robot", "q", "v")}
-        | {"a": np.zeros(BOLT.nv), "contacts": FEET, "coefficients": 0.5, "rest_speed": 1e-6, "external": np.zeros(BOLT.nv)},
+        | {
+            "a": np.zeros(BOLT.nv),
+            "contacts": FEET,
+            "coefficients": 0.5,
+            "rest_speed": 1e-6,
+            "external": np.zeros(BOLT.nv),
+            "t": 0.1,
+        },
         20,
     ),
     "solve_problem": Case(rbd.solve_problem, {"problem": PROBLEM, "solver": rbd.ProxQP(), "check": True}),
@@ -1374,9 +1386,7 @@ CASES |= {
         | {"workers": 0},
         5,
     ),
-    "motion.find_timing": Case(
-        lambda **given: [(x := rbd.motion.find_timing(**given)).s, x.t, x.pace, x.rise], TIMED, 20
-    ),
+    "motion.find_timing": Case(lambda **given: [(x := rbd.motion.find_timing(**given)).s, x.t, x.pace, x.rise], TIMED, 20),
     "motion.retimed": Case(lambda **given: use_motion(rbd.motion.retimed(**given)), TIMED, 20),
     "visual.plot_timing": Case(
         lambda **given: use_plots(plot_timing, **given),

@@ -112,7 +112,7 @@ class CollisionContacts(Displayed):
             )
         check_friction(friction, facets)
         plane_on = plane_of(name, on)
-        if plane_on.velocity is not None or plane_on.acceleration is not None:
+        if plane_on.motion is not None or plane_on.velocity is not None or plane_on.acceleration is not None:
             raise InputError(
                 f"the ground of {name!r:.80} moves; expected one at rest. On moving ground give contacts at points."
             )

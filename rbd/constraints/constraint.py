@@ -15,6 +15,7 @@ package read them through the functions of this module, which supply the default
                                   motion is across `normal`, of three. `rbd.solve` warns if it is open
     check(robot)                  refuses a robot without the names that it uses; absent: its frames are checked
     renamed(prefix, placement)    the same on a robot with prefixed names and a displaced world
+    prescribes                    name of the joint whose whole motion it gives: a lock, a drive
     jump(since, t)                of a constraint that depends on time: when its position or velocity jumps, None if never
     hessian(state)                H with J_dot v = v @ H @ v, shape (m, nv, nv), for `rbd.dynamics.constraint_hessian`; absent:
                                   from its rows at each two coordinates of v
@@ -102,6 +103,8 @@ def with_loops(robot: CheckedModel, constraints: Sequence[Constraint], loops: bo
     """
     check_kind("loops", loops, bool, "True or False: whether the robot's own loops hold")
     given, own = listed(constraints), robot.loops()
+    if any([member(constraint, "prescribes") for constraint in given]):
+        _check_drives(given)
     if not own or type(constraints) is WithLoops:
         return given
     known = {getattr(constraint, "name", None): constraint for constraint in given}
@@ -112,6 +115,23 @@ def with_loops(robot: CheckedModel, constraints: Sequence[Constraint], loops: bo
                 "unless loops=False. Give it another name, or loops=False."
             )
     return WithLoops((*given, *[loop for loop in own if loops and loop.name not in known]))
+
+
+def _check_drives(given: Sequence[Constraint]) -> None:
+    """Refuse two constraints that give the motion of one joint, if one of them drives it.
+
+    Raises:
+        InputError: with their names.
+    """
+    known = dict[str, Constraint]()
+    for one in given:
+        joint = member(one, "prescribes")
+        other = known.setdefault(joint, one) if joint else one
+        if other is not one and (is_timed(one) or is_timed(other)):
+            raise InputError(
+                f"{other.name!r:.80} and {one.name!r:.80} both prescribe the motion of joint {joint!r:.80}: a joint follows "
+                "one drive, and none while it is locked. Leave one of them out."
+            )
 
 
 class PerRobot(Generic[Found]):
@@ -163,6 +183,11 @@ def is_carried(constraint: Constraint) -> bool:
     """Whether it is on moving ground, and so has no fixed position."""
     ground = ground_of(constraint)
     return ground is not None and ground.velocity is not None
+
+
+def is_timed(constraint: Constraint) -> bool:
+    """Whether it depends on time."""
+    return callable(member(constraint, "jump"))
 
 
 def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:

@@ -8,7 +8,7 @@ its classical acceleration in fixed contact axes; both relative to the surface (
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -30,6 +30,7 @@ from rbd.constraints.surface import (
     contact_axes,
     corners_of,
     edge_axes,
+    jump_of,
     rigid_placement,
 )
 from rbd.displayed import Displayed
@@ -193,8 +194,14 @@ class Contact(Displayed):
         if k == 2:  # the direction's acceleration, x cross x'', is the body's less (w_x w_z, -w_x w_y)
             bias[4:] -= v[3] * np.array([v[5], -v[4]])
         J, v, bias, error = J[kept], v[kept], bias[kept], None if error is None else error[kept]
-        patch = Patch(X_WP.translation, R, self.corners, self.friction, self._against, self.plane, self._reach)
+        plane = self.plane if touched.still or self.plane is None else self.plane.at(state.t)
+        patch = Patch(X_WP.translation, R, self.corners, self.friction, self._against, plane, self._reach)
         return Rows.unchecked(self.name, J, bias, self.cone, v, error, resultant, patch)
+
+    @property
+    def jump(self) -> Callable[[float, float], float | None] | None:
+        """Gives a time in an interval at which its ground's motion jumps [s], None if there is none; None without a motion."""
+        return jump_of(self.on)
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints | None:
         """Its corners on the ground at a state; None if bilateral or on a body, where the rows are used.
@@ -242,7 +249,8 @@ class Contact(Displayed):
         if isinstance(on, Body):
             on = Body(prefix + on.frame, normal=on.normal)
         elif placement is not None:
-            if self.anchor is not None or (on is not None and (on.velocity is not None or on.acceleration is not None)):
+            given = () if on is None else (on.velocity, on.acceleration, on.motion)
+            if self.anchor is not None or any(each is not None for each in given):
                 raise InputError(
                     f"contact {self.name!r} has an anchor or a moving ground, given in the second robot's world; make it "
                     f"again in W, with frame={frame!r}."
@@ -266,7 +274,8 @@ class Contact(Displayed):
         if anchor is None or isinstance(on, Body) or (on is not None and on.velocity is not None):
             return None
         n = anchor.rotation[:, 2] if self.normal is None else self.normal
-        return Ground(point=anchor.translation, normal=n / np.linalg.norm(n))
+        motion = None if on is None else on.motion
+        return Ground(point=anchor.translation, normal=n / np.linalg.norm(n), motion=motion)
 
     def _axes_at(self, motion: RelativeMotion) -> Array:
         """R_WC at a state."""

@@ -67,13 +67,18 @@ class DrivenJoint(Displayed):
         """
         check_state(state, self.name)
         joint = state.robot.joints.with_one_freedom(self.joint, self.name)
-        s, rate, acceleration = (float(x) for x in self._at.at(state.t))
+        s, rate, acceleration = self._at.at(state.t).tolist()
         J = np.zeros((1, state.robot.nv))
         J[0, joint.v] = 1.0
         missed = joint.coordinate(state.q) - s
         missed = math.remainder(missed, 2.0 * math.pi) if joint.is_continuous else missed
         velocity, error = J @ state.v - rate, np.array([missed])
         return Rows(self.name, J, np.array([-acceleration]), Free(1), velocity, error, period=joint.period)
+
+    @property
+    def prescribes(self) -> str:
+        """The joint whose motion it gives."""
+        return self.joint
 
     def jump(self, since: float, t: float) -> float | None:
         """A time in an interval at which the joint's position or velocity would jump [s]; None if there is none."""

@@ -36,6 +36,8 @@ class OnGround:
         through = X_WP.translation if contact.anchor is None else getattr(contact.anchor, "translation", contact.anchor)
         if ground is not None and ground.point is not None:
             through = np.asarray(ground.point)
+        elif ground is not None and contact.anchor is None:
+            through = through - ground.shift(start.t)
         self.normal = self.R[:, 2]
         self.height = float(self.normal @ through)
         given = isinstance(friction, Cone)
@@ -43,7 +45,6 @@ class OnGround:
             friction if given else FrictionCone(float(friction), int(contact.facets)) if friction else NonNegative(1)
         )
         self.surface = ground if ground is not None and ground.moves else None
-        self.rise = 0.0 if self.surface is None else float(self.normal @ motion_of(self.surface)[0][:3])
         self.point_alone, self.alone = len(self.local) == 1, given or self.surface is not None
 
 
@@ -100,7 +101,7 @@ class Grounds:
         axes = np.array([ground.R for ground in grounds])[of]
         self.R = axes if len(grounds) > 1 else grounds[0].R
         self._normal = axes[:, :, 2].copy()
-        self._height, self._rise = (np.array([getattr(g, what) for g in grounds])[of] for what in ("height", "rise"))
+        self._height = np.array([ground.height for ground in grounds])[of]
         self._surface = grounds[0].surface
         self.structure = Structure(
             tuple(grounds[j].contact.name for j in of.tolist()),
@@ -158,7 +159,7 @@ class Grounds:
         rate = np.concatenate([motion[:, 6:], (turning @ v_P)[:, :, 0]], axis=1)
         velocity, bias = J @ state.v, np.vecdot(terms, rate.take(row, axis=0))
         if self._surface is not None:
-            u, s = _under(self._surface, P, v_P[:, :, 0])
+            u, s = _under(self._surface.at(state.t), P, v_P[:, :, 0])
             velocity, bias = (x - np.vecdot(terms[:, :3], y[row]) for x, y in ((velocity, u), (bias, s)))
         return Measured(
             self.structure, J, velocity, bias, self._above(P, t), zeros(len(row)),
@@ -171,7 +172,8 @@ class Grounds:
         return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0], t)
 
     def _above(self, P: Array, t: float) -> Array:
-        return np.asarray(np.vecdot(P, self._normal) - (self._height + self._rise * t))
+        lift = 0.0 if self._surface is None else self._normal @ self._surface.shift(t)
+        return np.asarray(np.vecdot(P, self._normal) - (self._height + lift))
 
 
 _CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9).T.copy()

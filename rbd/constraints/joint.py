@@ -75,6 +75,11 @@ class JointLock(Displayed):
         check_state(state, self.name)
         return JointLock(self.name, self.joint, position=state.q[state.robot.joints[self.joint].q])
 
+    @property
+    def prescribes(self) -> str:
+        """The joint whose motion it gives."""
+        return self.joint
+
     def rows(self, state: State) -> Rows:
         """One row a degree of freedom of the joint.
 

@@ -34,6 +34,7 @@ from rbd.constraints.surface import (
     check_words,
     cone_of,
     contact_axes,
+    jump_of,
     unit_direction,
 )  # fmt: skip
 from rbd.displayed import Displayed
@@ -42,6 +43,7 @@ from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Free, check_friction
 from rbd.problem.ground import Body, Ground, On, plane_of, surface_of, unit_normal
+from rbd.problem.motions import Prescribed
 from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY = locked(np.zeros((1, 3))), zeros(1), locked(np.zeros(1, bool))
@@ -49,11 +51,14 @@ _ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY = locked(np.zeros((1, 3))), zeros(1), loc
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint(Displayed):
-    """Velocity constraint A(q) v = 0: m Pfaffian rows, integrable or not.
+    """Velocity constraint A(q) v = 0, or = b(t): m Pfaffian rows, integrable or not; driven as a function of time.
 
     Its rows::
 
         J = A(q)        J_dot v = A_dot v, along the motion        no error: positions are not constrained
+
+    With b, at the state's time t, the rows' velocity is A v - b(t), and their acceleration A v_dot + A_dot v - b'(t).
+    b must not jump. `rbd.DrivenJoint` also keeps a position.
 
     A has one column an entry of v, and v is not always the derivative of q. For a joint with one degree of freedom it is. For
     a planar joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row in x', y' and the angle's th'
@@ -73,9 +78,12 @@ class VelocityConstraint(Displayed):
         name: The constraint's role, e.g. "no_side_slip".
         A: Function of q with values (m, nv), or (nv,) for one row; or the matrix itself if it is constant.
         bias: Function of q and v with values A_dot v, shape (m,). None: by differences of A along q (+) t v, to 1e-10 of A.
+        b: Prescribed velocities A v, shape (m,), or a number for one row: constant, or a function of time, or a spline of
+            SciPy's. None: zero.
+        b_rate: Function of time with values b', shape (m,). None: by differences, to 1e-10 of b.
 
     Raises:
-        InputError: A is neither a function nor a matrix.
+        InputError: A is neither a function nor a matrix; b is neither a function nor numbers.
 
     Example:
         >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
@@ -88,6 +96,8 @@ class VelocityConstraint(Displayed):
     name: str
     A: Callable[[Array], Any] | Array | Sequence[float] | Sequence[Sequence[float]]
     bias: Callable[[Array, Array], Any] | None = field(default=None, kw_only=True)
+    b: Callable[[float], Any] | Array | Sequence[float] | float | None = field(default=None, kw_only=True)
+    b_rate: Callable[[float], Any] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_function(self.name, "A", self.A if callable(self.A) else None, optional=True)
@@ -96,6 +106,14 @@ class VelocityConstraint(Displayed):
             what = f"A of {self.name!r:.80}"
             A = as_finite(what, self.A, ("m", "nv"), ("nv",), meaning=", or a function of q that gives it")
             object.__setattr__(self, "A", locked(A[None] if A.ndim == 1 else A))
+        check_function(self.name, "b_rate", self.b_rate, optional=True)
+        if self.b_rate is not None and not callable(self.b):
+            raise InputError(f"b_rate of {self.name!r:.80} is the rate of b, and b is {self.b!r:.80}; expected a function.")
+        if self.b is not None and not callable(self.b):
+            meaning = ": velocities of the rows, or a function of time that gives them"
+            object.__setattr__(
+                self, "b", locked(np.atleast_1d(as_finite(f"b of {self.name!r:.80}", self.b, (), ("m",), meaning=meaning)))
+            )
 
     def rows(self, state: State) -> Rows:
         """One row a row of A; forces in all directions.
@@ -111,7 +129,18 @@ class VelocityConstraint(Displayed):
             bias = self._biases.vector(m, q, v)
         else:
             bias = rate(self._values, state, J) if callable(self.A) and m else zeros(m)
-        return Rows.unchecked(self.name, J, bias, Free(m), J @ v, None, None, None)
+        velocity = J @ v
+        if self.b is not None and m:
+            given = self._prescribed.at(state.t)
+            if given.shape[1] != m:
+                raise InputError(f"b of {self.name!r:.80} has {given.shape[1]} entries; expected {m}, one a row of A.")
+            velocity, bias = velocity - given[0], bias - given[1]
+        return Rows.unchecked(self.name, J, bias, Free(m), velocity, None, None, None)
+
+    @property
+    def jump(self) -> Callable[[float, float], float | None] | None:
+        """Gives a time in an interval at which b jumps [s], None if there is none; None without a b of time."""
+        return self._prescribed.jump if callable(self.b) else None
 
     def hessian(self, state: State) -> Array:
         """H(q) with A_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
@@ -132,6 +161,15 @@ class VelocityConstraint(Displayed):
     @lazy
     def _values(self) -> UserFunction:
         return UserFunction(self.name, "A", self.A if callable(self.A) else None)
+
+    @lazy
+    def _prescribed(self) -> Prescribed:
+        b: Any = self.b
+        first = self.b_rate
+        motion: Any = b if callable(b) else lambda t: np.stack([b, 0.0 * b])
+        if first is not None:
+            motion = lambda t: np.stack([np.atleast_1d(b(t)), np.atleast_1d(first(t))])  # noqa: E731
+        return Prescribed(f"b of {self.name!r:.80}", motion, None, 1)
 
     @lazy
     def _biases(self) -> UserFunction:
@@ -273,7 +311,7 @@ class Rolling:
             raise InputError(f"contact {self.name!r} is between {self.frame!r} and itself; expected a frame of another body.")
         axes = contact_axes(UP if on.normal is None else np.asarray(on.normal))
         self.__dict__.update(on=on, _axes=axes)
-        if isinstance(on, Ground) and on.moves and on.about is None:
+        if isinstance(on, Ground) and on.moves and on.motion is None and on.about is None:
             on = replace(on, about=on.point)
         object.__setattr__(self, "_touched", Counterpart(self.name, on, None))
 
@@ -281,6 +319,11 @@ class Rolling:
     def frames(self) -> tuple[str, ...]:
         """Its frame, and that of the body on which it rolls."""
         return (self.frame, self.on.frame) if isinstance(self.on, Body) else (self.frame,)
+
+    @property
+    def jump(self) -> Callable[[float, float], float | None] | None:
+        """As of `Contact`."""
+        return jump_of(self.on)  # type: ignore[arg-type]  # checked
 
     def with_friction(self, mu: float) -> Self:
         """The same with another coefficient."""
@@ -458,11 +501,12 @@ def _rows(given: Rolling, motion: RelativeMotion, d: Array, dd: Array, R: Array,
     g = v - arm @ w
     dg = motion.bias[:3] - arm @ motion.bias[3:] + cross_matrix(w) @ dr
     J = R.T @ (motion.J[:3] - arm @ motion.J[3:])
-    point = np.asarray(given.on.point) if isinstance(given.on, Ground) else motion.X_WS.translation
+    ground = motion.ground
+    point = motion.X_WS.translation if ground is None else np.asarray(ground.point)
     kept = slice(2, 3) if given.friction == 0.0 else slice(0, 3 if normal else 2)
     error = np.array([0.0, 0.0, float(R[:, 2] @ (p - point))])
     m = len(error[kept])
-    ground, against = (given.on, None) if isinstance(given.on, Ground) else (None, given.frames[1])
+    against = given.frames[1] if ground is None else None
     return Rows(
         given.name,
         J[kept],

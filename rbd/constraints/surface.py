@@ -17,7 +17,7 @@ another point of the surface, at a distance r from the contact, they are convert
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,10 +42,11 @@ class RelativeMotion:
 
     Attributes:
         X_WP: Pose of the contact in W.
-        X_WS: Pose of the surface in W: of the other body's frame, or the identity for the ground.
+        X_WS: Pose of the surface in W: of the other body's frame; of the ground how far its motion has moved it.
         J: Jacobian of the relative velocity, shape (6, nv).
         v: Relative velocity J v - (u, W), shape (6,) [m/s, rad/s].
         bias: Relative acceleration when v_dot = 0, shape (6,) [m/s2, rad/s2].
+        ground: The ground as it is then; None for a body, or ground that is not known.
     """
 
     X_WP: pin.SE3
@@ -53,6 +54,7 @@ class RelativeMotion:
     J: Array
     v: Array
     bias: Array
+    ground: Ground | None = None
 
     def in_axes(self, R: Array) -> tuple[Array, Array, Array]:
         """(J, velocity, J_dot v) in contact axes R_WC, six rows each."""
@@ -88,8 +90,8 @@ class Counterpart:
         """
         X_WP, J, v, bias = state.moving(frame, X_FP, pin.LOCAL_WORLD_ALIGNED)
         if self.still:
-            return RelativeMotion(X_WP, HERE, J, v, bias)
-        p, X_WS = X_WP.translation, HERE
+            return RelativeMotion(X_WP, HERE, J, v, bias, self.on if isinstance(self.on, Ground) else None)
+        p, X_WS, on = X_WP.translation, HERE, None
         if isinstance(self.on, Body):
             check_two_bodies(state, self.name, frame, self.on)
             X_WS, J_S, u, s = state.moving(self.on.frame, HERE, pin.LOCAL_WORLD_ALIGNED)
@@ -98,8 +100,11 @@ class Counterpart:
             J[:3] += cross_matrix(r) @ J_S[3:]  # - W x r
         else:
             assert self.on is not None
-            u, s = motion_of(self.on)
-            r = zeros(3) if self.on.about is None else p - self.on.about
+            on = self.on.at(state.t)
+            u, s = motion_of(on)
+            r = zeros(3) if on.about is None else p - on.about
+            if on is not self.on:
+                X_WS = pin.SE3(np.eye(3), self.on.shift(state.t))
         turn, W = cross_matrix(u[3:]), u[3:]
         u = np.concatenate([u[:3] + turn @ r, W])
         s = np.concatenate([s[:3] + cross_matrix(s[3:]) @ r + turn @ (turn @ r), s[3:]])
@@ -107,7 +112,7 @@ class Counterpart:
         bias = bias - s
         bias[:3] -= 2.0 * turn @ v[:3]
         bias[3:] -= turn @ v[3:]
-        return RelativeMotion(X_WP, X_WS, J, v, bias)
+        return RelativeMotion(X_WP, X_WS, J, v, bias, on)
 
     def displacement(self, X_WP: pin.SE3, X_WS: pin.SE3, axes: Array, corners: int) -> Array:
         """From the anchor to a contact, in contact axes R_WC: the shift [m], then of an edge or a patch the rotation.
@@ -120,6 +125,11 @@ class Counterpart:
         if corners == 1:
             return shift
         return np.concatenate([shift, pin.log3(turned) if corners > 2 else [0.0, turned[0, 2], -turned[0, 1]]])
+
+
+def jump_of(on: Surface) -> Callable[[float, float], float | None] | None:
+    """Gives a time in an interval at which a ground's motion jumps [s], None if there is none; None without a motion."""
+    return on.moved.jump if isinstance(on, Ground) and on.moved is not None else None
 
 
 def motion_of(ground: Ground) -> tuple[Array, Array]:

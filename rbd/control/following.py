@@ -97,7 +97,7 @@ class MotionTargets:
             i -= i > 0 and within - self.t[i - 1] < self.t[i] - within
             dt, moves = within - self.t[i], float(within == t)
             q = pin.integrate(self.robot.model, self.q[i], dt * (self.v[i] + 0.5 * dt * self.a[i]))
-            self.last[:] = [(t, state_at(self.robot, q, moves * (self.v[i] + dt * self.a[i])), moves * self.a[i])]
+            self.last[:] = [(t, state_at(self.robot, q, moves * (self.v[i] + dt * self.a[i]), t), moves * self.a[i])]
         return self.last[0][1:]
 
     def com(self, t: float) -> Reference:

@@ -91,6 +91,7 @@ def inverse_dynamics_many(
     objective: Effort | None = None,
     margin: float = MARGIN,
     rest_speed: float = REST_SPEED,
+    t: Array | float = 0.0,
     loops: bool = True,
 ) -> Actuations:
     """Motor torques and contact forces of n wanted motions: what `inverse_dynamics` answers at each, as arrays.
@@ -114,6 +115,7 @@ def inverse_dynamics_many(
         objective: As of `inverse_dynamics`.
         margin: As of `inverse_dynamics`.
         rest_speed: As of `rbd.solve`.
+        t: As of `rbd.solve_many`.
         loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
@@ -130,5 +132,5 @@ def inverse_dynamics_many(
         (array([6.698, 6.131,   nan]), [2])
     """
     choice = EffortChoice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
-    states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a, loops=loops)
+    states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, t=t, a=a, loops=loops)
     return actuations_of(states, choice, stacklevel=2)

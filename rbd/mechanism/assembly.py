@@ -126,7 +126,7 @@ def assemble(
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
     robot, q0 = checked(state).robot, state.q
-    closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
+    closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops, t=state.t)
     found = descend(closure, closure.start(q0), tolerance=tolerance, most=max_iterations)
     if not found.closed:
         found = _from_lower_down(closure, found, tolerance, max_iterations)
@@ -216,7 +216,7 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
     free, out = [], []
     for joint in closure.fixed:
         others = {name: value for name, value in closure.fixed.items() if name != joint}
-        less = Closure(closure.robot, closure.constraints, others, loops=False)
+        less = Closure(closure.robot, closure.constraints, others, loops=False, t=closure.t)
         found = descend(less, less.start(q), tolerance=tolerance, most=most)
         free += [joint] * found.closed
         if found.closed and (moved := closure.robot.joints[joint]).nv == 1:
@@ -379,7 +379,7 @@ def branches(
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
     robot = checked(state).robot
-    closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
+    closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops, t=state.t)
     poses: list[tuple[ConstraintResidual, bool]] = []  # each with whether it is singular
     hits = Counter[int]()
     nearest: ConstraintResidual | None = None

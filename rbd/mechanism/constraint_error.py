@@ -69,6 +69,8 @@ class Closure(Space[ConstraintResidual]):
         fixed: {joint: value}.
         within_limits: Add the limits of the robot's file.
         one_sided: Include violations of joint limits; if not, only bilateral constraints.
+        loops: Whether the robot's own loops hold.
+        t: Time of the configurations [s].
 
     Attributes:
         skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
@@ -91,10 +93,11 @@ class Closure(Space[ConstraintResidual]):
         within_limits: bool = False,
         one_sided: bool = True,
         loops: bool = True,
+        t: float = 0.0,
     ) -> None:
         check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
         super().__init__(robot, fixed)
-        self.unit_error = robot.joints.length
+        self.unit_error, self.t = robot.joints.length, t
         self._given, self._one_sided = own_or(robot, constraints, loops), one_sided
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
@@ -123,7 +126,7 @@ class Closure(Space[ConstraintResidual]):
             InputError: q0 is invalid, an object is not a constraint, or no constraint determines a position.
             DuplicateName: two constraints with the same name.
         """
-        state = State(self.robot, self.inside(self.robot.check_q(q0)))
+        state = State(self.robot, self.inside(self.robot.check_q(q0)), t=self.t)
         rows = rows_of(state, self._given) + rows_of(state, self._limits)
         self._check(rows)
         self.constraints = (*self._given, *self._limits)
@@ -133,7 +136,7 @@ class Closure(Space[ConstraintResidual]):
         """The residual at a configuration."""
         if self.constraints is None:
             return self.start(q)
-        state = State(self.robot, q)
+        state = State(self.robot, q, t=self.t)
         return self._residual(state, tuple([c.rows(state) for c in self.constraints]))
 
     def _residual(self, state: State, rows: tuple[Rows, ...]) -> ConstraintResidual:

@@ -324,7 +324,7 @@ def _undecided(held: BilateralVelocities, columns: VelocityColumns, null: Array,
 def _singular_here(held: BilateralVelocities) -> bool:
     """Whether branches meet at the state, by its position constraints."""
     try:
-        closure = Closure(held.state.robot, held.given)
+        closure = Closure(held.state.robot, held.given, t=held.state.t)
         return branches_meet(closure, closure.start(held.state.q))
     except InputError:  # only velocity constraints: no poses to test
         return False

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite
+from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, filled, zeros
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_known
+from rbd.problem.motions import Motion, Prescribed
 
 TOUCHES = 1e-3
 """A contact whose points are all within this of its plane touches it [m]."""
@@ -45,13 +46,20 @@ class Ground(Displayed):
             instant: another instant needs another ground.
         about: Point in W, shape (3,) [m], at which `velocity` and `acceleration` are given, e.g. a point on a
             turntable's axis. Not given: the contact's point; for rolling bodies, `point`.
+        motion: How far the ground and its material have moved at a time, in place of `velocity`: t -> (3,) in W [m], or with
+            its two derivatives (3, 3), or `rbd.Speed`; as of `rbd.DrivenJoint`. It counts from where `point` and anchors are
+            given, and is taken at the time of the state, `State.t`: a lift, a shaker, an earthquake.
 
     Raises:
-        InputError: numbers that are not finite, a normal that is not of unit length, `about` without a motion.
+        InputError: numbers that are not finite, a normal that is not of unit length, `about` without a velocity; a motion and a
+            velocity.
 
     Example:
         >>> step = rbd.Ground(point=(0, 0, 0.17))            # 17 cm up
         >>> turntable = rbd.Ground(velocity=(0, 0, 0, 0, 0, 1.7), about=(0, 0, 0))
+        >>> lift = rbd.Ground(point=(0, 0, 0), motion=lambda t: (0, 0, 0.1 * np.sin(t)))
+        >>> lift.at(np.pi / 2).point
+        array([0. , 0. , 0.1])
         >>> step.distances(np.array([[0.3, 0.1, 0.2]])).round(3), step.moves, turntable.moves
         (array([0.03]), False, True)
     """
@@ -61,8 +69,10 @@ class Ground(Displayed):
     velocity: Sequence[float] | Array | None = field(default=None, kw_only=True)
     acceleration: Sequence[float] | Array | None = field(default=None, kw_only=True)
     about: Sequence[float] | Array | None = field(default=None, kw_only=True)
+    motion: Motion | None = field(default=None, kw_only=True)
     height: float = field(init=False, repr=False)
     level: bool = field(init=False, repr=False)
+    moved: Prescribed | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         given = _UP if self.normal is None and self.point is not None else self.normal
@@ -72,16 +82,38 @@ class Ground(Displayed):
         for what in ("velocity", "acceleration"):
             if (motion := getattr(self, what)) is not None:
                 object.__setattr__(self, what, _twist(f"{what} of the ground", motion))
+        if self.motion is not None and (self.velocity is not None or self.acceleration is not None):
+            raise InputError("the ground has motion= and velocity= or acceleration=; expected one of them.")
+        moved = None if self.motion is None else Prescribed("motion of the ground", self.motion, (3,))
         if about is not None and self.velocity is None and self.acceleration is None:
             raise InputError("the ground has about= without velocity= or acceleration=: these are given at that point.")
         height = np.nan if n is None or point is None else float(n @ point)
         level = point is not None and n is not None and bool(np.array_equal(n, _UP))
-        self.__dict__.update(normal=n, point=point, about=about, height=height, level=level)
+        self.__dict__.update(normal=n, point=point, about=about, height=height, level=level, moved=moved)
+
+    def shift(self, t: float) -> Array:
+        """How far its plane has moved at a time [s], in W, shape (3,) [m]: by its motion, or at its velocity."""
+        if self.moved is not None:
+            return self.moved.at(t)[0]
+        return zeros(3) if self.velocity is None else np.asarray(self.velocity)[:3] * t
+
+    def at(self, t: float) -> Ground:
+        """The ground as it is at a time [s]: where it is, with its velocity and acceleration then; itself without a motion."""
+        if self.moved is None:
+            return self
+        s, velocity, acceleration = (np.append(x, zeros(3)) for x in self.moved.at(t))
+        point, n = (None if self.point is None else self.point + s[:3]), self.normal
+        height = self.height if n is None else self.height + float(s[:3] @ n)
+        return filled(
+            Ground, normal=n, point=point, velocity=velocity, acceleration=acceleration, about=None, motion=None, height=height,
+            level=self.level, moved=None,
+        )  # fmt: skip
 
     @property
     def moves(self) -> bool:
-        """Whether it has a velocity or an acceleration that is not zero."""
-        return any(given is not None and np.any(given) for given in (self.velocity, self.acceleration))
+        """Whether it has a motion, or a velocity or an acceleration that is not zero."""
+        given = (self.velocity, self.acceleration)
+        return self.motion is not None or any(each is not None and np.any(each) for each in given)
 
     def distances(self, points: Array) -> Array:
         """How far points are above the plane, negative below, shape (k,) [m]; NaN where the plane is not known.

@@ -65,56 +65,49 @@ class Speed(Displayed):
 
 
 class Prescribed:
-    """(s, s', s'') of a motion of time, checked.
+    """A motion of time with its derivatives, checked: (s, s', s''), or (s, s').
 
     Args:
         what: What it is, for messages: "motion of 'crank'".
         motion: As users give it.
-        shape: Shape of s, () or (n,).
+        shape: Shape of s: () or (n,); None for (n,) of any n, and a number counts as one.
+        orders: Number of derivatives, 1 or 2.
 
     Raises:
-        InputError: it is no motion, or a spline that is not twice differentiable.
+        InputError: it is no motion, or a spline that has no such derivatives.
     """
 
-    def __init__(self, what: str, motion: object, shape: tuple[int, ...] = ()) -> None:
-        self.what, self.motion, self.shape = what, motion, shape
-        self._rates: tuple[Motion, Motion] | None = None
-        self._ends: tuple[float, float] | None = None
-        self._smooth = math.inf, -math.inf
-        derivative: Any = getattr(motion, "derivative", None)
+    def __init__(self, what: str, motion: object, shape: tuple[int, ...] | None = (), orders: int = 2) -> None:
         if not callable(motion) or isinstance(motion, type):
             raise InputError(f"{what} is {motion!r:.80}; expected {_WANTS}.")
-        if callable(derivative):
+        self.what, self.shape, self._orders = what, shape, orders
+        self._each: list[Callable[[float], Any]] = [motion]
+        self._ends: tuple[float, float] | None = None
+        self._smooth = math.inf, -math.inf
+        if callable(getattr(motion, "derivative", None)):
+            self._ends = _ends(motion)
             try:
-                first = derivative()
-                self._rates = first, first.derivative()
+                for _ in range(orders):
+                    self._each.append(self._each[-1].derivative())  # type: ignore[attr-defined]
             except Exception as error:
                 raise InputError(f"{what} is a spline that is not twice differentiable ({error}); give a cubic one.") from error
-            self._ends = _ends(motion)
 
-    def at(self, t: float) -> tuple[Array, Array, Array]:
-        """(s, s', s'') at a time [s], each of `shape`.
+    def at(self, t: float) -> Array:
+        """(s, s', s'') at a time [s], or (s, s'), along the first axis, each of `shape`.
 
         Raises:
             InputError: values of a wrong size, or not finite; no derivative here; beyond the ends of a spline.
         """
-        if self._rates is None:
-            given = self._called(t)
-            if given.shape == (3, *self.shape):
-                return given[0], given[1], given[2]
-            return (given, *self._derivatives(t, given))
         if self._ends is not None and not self._ends[0] - INSTANT <= t <= self._ends[1] + INSTANT:
             raise InputError(
                 f"{self.what} is a spline from t = {self._ends[0]:g} to {self._ends[1]:g} s, asked at t = {t:.6g} s. Give more "
                 "of it, a shorter duration, or the time at which to start: state.at_time(t)."
             )
-        s, rate, acceleration = (self._value(as_array(self.what, f(t)), t) for f in (self.motion, *self._rates))  # type: ignore[operator]
-        return s, rate, acceleration
-
-    def first(self, t: float) -> tuple[Array, Array]:
-        """(s, s') at a time [s], of a function that gives s alone."""
-        s = self._value(self._called(t), t)
-        return s, self._derivatives(t, s, slopes=2)[0]
+        if len(self._each) > 1:
+            return np.array([self._called(f, t, 0) for f in self._each])
+        given = self._called(self._each[0], t, self._orders + 1)
+        n = self.shape or (given.shape[-1:] if self.shape is None else ())
+        return given if given.shape == (self._orders + 1, *n) else np.concatenate([given[None], self._derivatives(t, given)])
 
     def jump(self, since: float, t: float) -> float | None:
         """A time in an interval at which s or s' jumps [s]; None if there is none.
@@ -130,14 +123,14 @@ class Prescribed:
         return found
 
     def _stacked(self, t: float) -> Array:
-        return np.array(self.at(t)).reshape(3, -1)
+        return self.at(t).reshape(self._orders + 1, -1)
 
     def _jump(self, since: float, t: float, before: Array, after: Array) -> float | None:
         h, middle = t - since, 0.5 * (since + t)
         between = self._stacked(middle)
         most = np.abs([before[1:], between[1:], after[1:]]).max(axis=(0, 2))
-        size = SMOOTH * np.maximum(np.abs([before[:2], after[:2]]).max(axis=(0, 2)), h * most)
-        change = after[:2] - before[:2]
+        size = SMOOTH * np.maximum(np.abs([before[:-1], after[:-1]]).max(axis=(0, 2)), h * most)
+        change = after[:-1] - before[:-1]
         off = np.abs(change - h / 6.0 * (before[1:] + 4.0 * between[1:] + after[1:])).max(axis=1)
         if (off <= size).all():
             return None
@@ -146,41 +139,43 @@ class Prescribed:
             return self._jump(middle, t, between, after) if early is None else early
         return t if (np.abs(change).max(axis=1) > 3.0 * h * most + size).any() else None
 
-    def _called(self, t: float) -> Array:
+    def _called(self, f: Callable[[float], Any], t: float, several: int) -> Array:
+        """A value of one of the functions; of `several` that may come together."""
         try:
-            out = self.motion(t)  # type: ignore[operator]
+            out = f(t)
         except RbdError:
             raise
         except Exception as error:
             raise InputError(f"{self.what} raised {type(error).__name__} at t = {t:.6g} s: {str(error):.200}.") from error
-        return self._value(as_array(self.what, out), t, (3, *self.shape))
-
-    def _value(self, given: Array, t: float, *others: tuple[int, ...]) -> Array:
-        if given.shape not in (self.shape, *others):
-            n = "a number" if not self.shape else f"shape {self.shape}"
+        given = as_array(self.what, out)
+        if self.shape is None:
+            given = np.atleast_1d(given)
+        n = given.shape[-1:] if self.shape is None else self.shape
+        if given.shape not in (n, (several, *n)):
+            one, all_ = ("a number", "(s, s', s'')") if n == () else (f"shape {n}", f"{several} of them")
             raise InputError(
-                f"{self.what} gave {given!r:.80} at t = {t:.6g} s, of shape {given.shape}; expected s, {n}"
-                + (", or (s, s', s''), three of them." if others else ".")
+                f"{self.what} gave {out!r:.80} at t = {t:.6g} s, of shape {given.shape}; expected s, {one}"
+                + (f", or with its derivatives, {all_}." if several else ".")
             )
         if not is_finite(given.ravel()):
-            raise InputError(f"{self.what} is {given!r:.80} at t = {t:.6g} s; expected finite numbers.")
+            raise InputError(f"{self.what} is {out!r:.80} at t = {t:.6g} s; expected finite numbers.")
         return given
 
-    def _derivatives(self, t: float, middle: Array, slopes: int = 1) -> tuple[Array, Array]:
-        """(s', s'') by differences; of two slopes s' twice.
+    def _derivatives(self, t: float, middle: Array) -> Array:
+        """(s', s''), or (s',), by differences.
 
         Raises:
             InputError: two orders differ at every step.
         """
         from rbd.problem.difference_kernel import judged
 
-        flat = np.atleast_1d(middle)
-        found, left, size = np.ones((2, len(flat) + 2)), np.arange(2), 0.0
+        flat, k = np.atleast_1d(middle), self._orders
+        found, left, size = np.ones((k, len(flat) + 2)), np.arange(k), 0.0
         found[:, -2] = np.inf
         for h in _STEPS:
-            values = np.array([np.atleast_1d(self._value(self._called(t + x), t)) for x in h * _NODES])
+            values = np.array([np.atleast_1d(self._called(self._each[0], t + x, 0)) for x in h * _NODES])
             moved = np.broadcast_to(values, (len(left), 1, *values.shape)).copy()
-            left, size = judged(moved, flat, np.array([h]), left, slopes, size, found)
+            left, size = judged(moved, flat, np.array([h]), left, 1, size, found)
             if not len(left):
                 break
         apart = float((found[:, -2] / found[:, -1]).max()) if len(left) else 0.0
@@ -188,9 +183,9 @@ class Prescribed:
             raise InputError(
                 f"{self.what} has no derivatives at t = {t:.6g} s that differences can find (two orders are apart by "
                 f"{min(apart, 1.0):.1g}, expected {ROUGH:g}): a jump, a kink, noise, or the end of where it is defined? Give "
-                "t -> (s, s', s''), where s' may not jump."
+                "its derivatives with it, t -> (s, s', s''), where s' may not jump."
             )
-        return found[0, :-2].reshape(self.shape), found[1, :-2].reshape(self.shape)
+        return found[:, :-2].reshape(k, *middle.shape)
 
 
 def _ends(spline: Any) -> tuple[float, float] | None:

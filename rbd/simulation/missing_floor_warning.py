@@ -134,7 +134,10 @@ def _ground(constraint: Constraint, start: State) -> OnGround | None:
     source = member(constraint, "source")
     found = source(start) if callable(source) else None
     ground = found.members[0] if isinstance(found, Grounds) else None
-    return ground if ground is not None and ground.contact.friction and not ground.rise else None
+    if ground is None or not ground.contact.friction:
+        return None
+    rises = ground.surface is not None and (ground.surface.moved is not None or bool(ground.normal @ ground.surface.shift(1.0)))
+    return None if rises else ground
 
 
 def _is_of_shapes(constraint: Constraint) -> bool:

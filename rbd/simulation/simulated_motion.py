@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, filled, lazy, zeros
-from rbd.constraints.constraint import Constraint, member
+from rbd.constraints.constraint import Constraint, is_timed, member
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import (
     AcceptedStep,
@@ -142,7 +142,7 @@ class SimulatedMotion:
     @lazy
     def timed(self) -> tuple[Constraint, ...]:
         """Its constraints that depend on time."""
-        return tuple([c for c in self.constraints if callable(member(c, "jump"))])
+        return tuple([c for c in self.constraints if is_timed(c)])
 
     def refuse_jumps(self, since: float, t: float) -> None:
         """Refuse a step in which a prescribed motion jumps.

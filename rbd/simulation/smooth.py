@@ -375,7 +375,8 @@ def reason_not_smooth(motion: SimulatedMotion, state: State) -> str | None:
         if speed > MOVES:
             return (
                 f"{r.name!r:.80} holds, and moves at {speed:.3g} m/s (or rad/s) at the start: that is an impact. Give a state "
-                "whose velocity the constraints allow (at an event: Switch(..., impact=True); else rbd.impact), or use "
+                "whose velocity the constraints allow, rbd.mechanism.project_velocity(state, constraints) (at an event: "
+                "Switch(..., impact=True); else rbd.impact), or use "
                 "integrator=rbd.TimeStepping()."
             )
     return None

@@ -62,7 +62,7 @@ def refuse_motion(state: State, rows: Sequence[Rows] = ()) -> None:
         raise NotAtRest(f"statics wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")
     for r in rows:  # at v = 0, J_dot v of a ground at rest is zero
         if r.speed > AT_REST or np.abs(r.bias).max(initial=0.0) > AT_REST:
-            raise NotAtRest(f"statics wants a ground at rest, and what {r.name!r} touches moves. Use rbd.solve.")
+            raise NotAtRest(f"statics wants a ground at rest, and what {r.name!r} touches, or drives, moves. Use rbd.solve.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,7 +217,7 @@ def _drive(motion):
 @pytest.mark.parametrize(
     ("ask", "said"),
     [
-        (_drive(lambda t: (1.0, 2.0)), r"shape \(2,\); expected s, a number, or \(s, s', s''\)"),
+        (_drive(lambda t: (1.0, 2.0)), r"shape \(2,\); expected s, a number, or with its derivatives, \(s, s', s''\)"),
         (_drive(lambda t: None), "motion of 'drive'"),
         (_drive(lambda t: np.zeros(4)), "expected s, a number"),
         (_drive(lambda t: math.nan), r"motion of 'drive' is .*nan.* at t = 0.1 s; expected finite numbers"),
@@ -238,3 +238,117 @@ def test_bad_motions_are_refused_in_words(ask, said):
     """A wrong size, NaN, an error of its own, a kink, beyond the ends of a spline."""
     with pytest.raises((InputError, rbd.RbdError), match=said):
         ask()
+
+
+def lifted(t):
+    """A ground that goes up by 0.1 m and back, with its derivatives."""
+    w = 2.0 * math.pi
+    return [[0.0, 0.0, x] for x in (0.05 * (1.0 - math.cos(w * t)), 0.05 * w * math.sin(w * t), 0.05 * w * w * math.cos(w * t))]
+
+
+@pytest.mark.parametrize("friction", [None, 0.6])
+def test_a_box_stands_on_a_lift(friction):
+    """A box on a shaker of 2 m/s2 stays on it to 1e-12 and presses with m (g + a), bilateral and unilateral."""
+    box, floor = rbd.testing.box(mass=2.0), rbd.Ground(point=(0, 0, 0), motion=lifted)
+    sole = rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.1), friction=friction, on=floor)
+    start = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
+    found = rbd.simulate(start, [sole], duration=1.0, step=1e-2 if friction is None else 2e-3, progress=False)
+    height, speed, lift = np.array([[x[2] for x in lifted(t)] for t in found.t]).T
+    assert np.abs(found.q[:, 2] - height).max() <= (1e-12 if friction is None else 1e-9)
+    assert np.abs(found.v[:, 2] - speed).max() <= (1e-11 if friction is None else 1e-5)
+    assert np.abs(found.forces["sole"][:, 2] - 2.0 * (G + lift)).max() <= 1e-9
+    assert np.abs(found.residuals["energy"]).max() <= 1e-3 * found.kinetic.max() * (1.0 if friction else 0.01)
+    rows = sole.rows(start.at_time(0.25))
+    assert abs(rows.patch.gaps[0] + 0.05) <= 1e-12
+    assert abs(rows.velocity[2] + 0.1 * math.pi) <= 1e-12
+
+
+def test_a_ball_leaves_a_shaker_where_it_falls_faster_than_gravity():
+    """A point on a plate z = a (1 - cos w t) with a w^2 = 2 g leaves it where a w^2 cos w t = -g, and flies a parabola."""
+    a, w = 0.01, math.sqrt(2.0 * G / 0.01)
+    plate = rbd.Ground(
+        point=(0, 0, 0), motion=lambda t: np.array([[0, 0, a * (1 - math.cos(w * t))], [0, 0, a * w * math.sin(w * t)],
+                                                    [0, 0, a * w * w * math.cos(w * t)]])
+    )  # fmt: skip
+    ball = rbd.PointContact("ball", "box", friction=0.0, on=plate)
+    start = rbd.State(rbd.testing.box(mass=1.0), [0, 0, 0, 0, 0, 0, 1])
+    leaves = (2.0 * math.pi / 3.0) / w
+    flight = []
+    for h in (1e-3, 5e-4):
+        found = rbd.simulate(start, [ball], duration=leaves + 0.03, step=h, progress=False)
+        t = found.t - leaves
+        up = a * 1.5 + a * w * math.sin(w * leaves) * t - 0.5 * G * t * t
+        flight.append(np.abs(found.q[t > 0.0, 2] - up[t > 0.0]).max())
+        assert [event.kind for event in found.events] == ["leaves"]
+    assert flight[1] <= 2e-6
+    assert np.abs(found.forces["ball"][t > 2e-3]).max() == 0.0
+
+
+def test_velocities_are_driven_as_a_function_of_time():
+    """A v = b(t): two joints that turn against each other at a rate of time, by b alone and with its rate; solve agrees."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+    b, rate = (lambda t: 0.5 * math.sin(3.0 * t)), (lambda t: 1.5 * math.cos(3.0 * t))
+    start = arm.at([0.0, 0.5])
+    for belt in (rbd.VelocityConstraint("belt", [1.0, 1.0], b=b), rbd.VelocityConstraint("belt", [1.0, 1.0], b=b, b_rate=rate)):
+        found = rbd.simulate(start, [belt], duration=0.5, step=1e-3, progress=False)
+        given = np.array([b(t) for t in found.t])
+        assert np.abs(found.v.sum(axis=1) - given).max() <= 1e-12
+        assert np.abs(found.residuals["energy"]).max() <= 1e-9
+        again = rbd.solve(found.state(250), found.tau[250], [belt])
+        assert np.abs(again.a - found.a[250]).max() <= 1e-9
+        assert abs(again.a.sum() - rate(found.t[250])) <= 1e-9
+
+
+def test_two_drives_of_a_joint_contradict_each_other():
+    """Named with their joint; a lock and a drive; a drive into a stop, of which a proof names all that takes part."""
+    one = rbd.DrivenJoint("one", "crank_joint", constant)
+    for other in (rbd.DrivenJoint("other", "crank_joint", uneven), rbd.JointLock("other", "crank_joint")):
+        for ask in (rbd.solve, lambda *given: rbd.simulate(given[0], given[2], duration=0.1, step=1e-2)):
+            with pytest.raises(InputError, match="'one' and 'other' both prescribe the motion of joint 'crank_joint'"):
+                ask(turning(constant), [0.0], [one, other])
+    into = rbd.DrivenJoint("into", "crank_joint", lambda t: (START + 50.0 * t * t, 100.0 * t, 100.0))
+    stop = rbd.JointLimit("stop", "slider_joint", lower=float(ASSEMBLED.q[-1]))
+    with pytest.raises(rbd.NoSolution, match="'into', 'stop' and 'wrist_pin' .* contradict each other"):
+        rbd.solve(ASSEMBLED, [0.0], [into, stop])
+
+
+def test_statics_and_inverse_dynamics_leave_the_torque_to_the_drive():
+    """A drive at rest holds the crank, and its motor gives nothing; a drive that moves is refused in words."""
+    still = rbd.DrivenJoint("drive", "crank_joint", rbd.Speed(0.0, start=START))
+    held = rbd.hold(ASSEMBLED, [still])
+    assert abs(held.tau[0]) <= 1e-3 * abs(held.forces["drive"][0])
+    assert abs(held.tau[0] + held.forces["drive"][0] - torque_of(START, 0.0, 0.0)) <= 1e-12
+    with pytest.raises(rbd.errors.NotAtRest, match="what 'drive' touches, or drives, moves"):
+        rbd.hold(ASSEMBLED, [rbd.DrivenJoint("drive", "crank_joint", constant)])
+    drive, state = rbd.DrivenJoint("drive", "crank_joint", uneven), turning(uneven)
+    moves = rbd.inverse_dynamics(state, rbd.solve(state, [0.0], [drive]).a, [drive])
+    assert abs(moves.tau[0]) <= 1e-3 * abs(moves.forces["drive"][0])
+    assert abs(moves.tau[0] + moves.forces["drive"][0] - torque_of(*uneven(0.0))) <= 1e-10
+
+
+def test_a_mechanism_is_assembled_where_its_drive_is_at_a_time():
+    """`assemble` and `project_velocity` at t: on the loop and on the drive."""
+    drive = rbd.DrivenJoint("drive", "crank_joint", uneven)
+    there = rbd.State(ENGINE, rbd.mechanism.assemble(ASSEMBLED.at_time(0.07), [drive]).q, t=0.07)
+    moving = rbd.mechanism.project_velocity(there, [drive])
+    rows = drive.rows(moving)
+    assert max(abs(rows.error[0]), abs(rows.velocity[0])) <= 1e-10
+    assert abs(rbd.solve(moving, [0.0], [drive]).forces["drive"][0] - torque_of(*uneven(0.07))) <= 1e-9
+
+
+@pytest.mark.parametrize("drive", [rbd.DrivenJoint("drive", "crank_joint", uneven)], ids=["joint"])
+def test_a_drive_is_a_constraint_like_any_other(drive):
+    """`check_constraint`: Jacobian and bias against motion along curves, at a time."""
+    rbd.testing.check_constraint(drive, turning(uneven).at_time(0.05))
+
+
+def test_many_states_have_their_times():
+    """`solve_many` and `inverse_dynamics_many` at the times of a trajectory answer as one by one; without times at t = 0."""
+    drive = rbd.DrivenJoint("drive", "crank_joint", uneven)
+    found = rbd.simulate(turning(uneven), [drive], duration=0.02, step=2e-3, progress=False)
+    many = rbd.solve_many(ENGINE, found.q, found.v, None, [drive], t=found.t)
+    assert np.abs(many.forces["drive"] - found.forces["drive"]).max() <= 1e-10
+    moves = rbd.control.inverse_dynamics_many(ENGINE, found.q, found.v, found.a, [drive], t=found.t)
+    assert np.abs(moves.forces["drive"] + moves.tau - found.forces["drive"]).max() <= 1e-9
+    first = rbd.solve_many(ENGINE, found.q[:1], found.v[:1], None, [drive])
+    assert np.abs(first.forces["drive"] - found.forces["drive"][:1]).max() <= 1e-10

@@ -48,6 +48,7 @@ def solve_many(
     external: ManyExternal = None,
     friction: Friction = None,
     rest_speed: float = REST_SPEED,
+    t: Array | float = 0.0,
     loops: bool = True,
     threads: int | None = 1,
 ) -> Solutions:
@@ -72,6 +73,7 @@ def solve_many(
         friction: Coefficients that replace the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         rest_speed: As of `rbd.solve`.
+        t: Times, of constraints that depend on them: a number or (n,) [s].
         loops: Whether the robot's own loops hold; one that is given counts once.
         threads: How many processes answer them, each with a part; None: one a core. The numbers are the same, bit by bit. They
             start with the first such call, in a second or two, and stay: worth it from some 100,000 states, later from 10,000.
@@ -96,7 +98,7 @@ def solve_many(
     """
     asked = COULOMB if law is None else slip_law(law)
     check_number("rest_speed", rest_speed, 0.0, 1e100, expected="a speed of 0 or more [m/s, rad/s]")
-    states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, tau=tau, loops=loops)
+    states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, t=t, tau=tau, loops=loops)
     sheet = Sheet(states)
     fill(sheet, threads, _answer_all, asked, rest_speed)
     sheet.column("warned", TORQUE)[:] = _overloaded(states) & (sheet.status != StateStatus.BAD_INPUT)

@@ -44,6 +44,7 @@ class ManyStates:
         external: None, `ExternalForce` objects and force elements, or generalised forces (n, nv).
         friction: {contact: coefficients (n,)} where they replace those of the contacts.
         refused: {state: message} of states that are no input: not finite, or a quaternion off the unit sphere.
+        t: Times, shape (n,) [s].
     """
 
     robot: CheckedModel
@@ -54,6 +55,7 @@ class ManyStates:
     external: Acting | Array | None
     friction: Mapping[str, Array]
     refused: Mapping[int, str]
+    t: Array
     _made: dict[tuple[float, ...], tuple[Constraint, ...]] = field(default_factory=dict, repr=False)
     _applied: Array | None = field(default=None, repr=False)
 
@@ -67,6 +69,7 @@ class ManyStates:
         *,
         external: ManyExternal = None,
         friction: Friction = None,
+        t: Array | float = 0.0,
         loops: bool = True,
         **vectors: Array | None,
     ) -> ManyStates:
@@ -82,6 +85,7 @@ class ManyStates:
         given = _checked_constraints(robot, constraints, loops)
         tables = {"q": _Table("q", q, robot.nq, "nq")}
         tables["v"] = _Table("v", robot.zero_v if v is None else v, robot.nv, "nv")
+        tables["t"] = _Table.column("t", t)
         for name, value in vectors.items():
             size, meaning = (robot.nu, "nu, one entry an actuated joint") if name == "tau" else (robot.nv, "nv")
             tables[name] = _Table(name, np.zeros(size) if value is None and name == "tau" else value, size, meaning)
@@ -101,7 +105,7 @@ class ManyStates:
         if isinstance(outer, tuple) and any([is_element(each) for each in outer]):
             applied = _applied(robot, found["q"], found["v"], outer, refused)
         vectors_found = {x: found[x] for x in vectors}
-        return cls(robot, found["q"], found["v"], vectors_found, given, outer, mu, refused, _applied=applied)
+        return cls(robot, found["q"], found["v"], vectors_found, given, outer, mu, refused, found["t"][:, 0], _applied=applied)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -113,8 +117,8 @@ class ManyStates:
         vectors, mu = ({name: x[at] for name, x in table.items()} for table in (self.vectors, self.friction))
         refused = {i - first: told for i, told in self.refused.items() if at.start <= i < at.stop}
         return replace(
-            self, q=self.q[at], v=self.v[at], vectors=vectors, external=external, friction=mu, refused=refused, _made={},
-            _applied=None if self._applied is None else self._applied[at],
+            self, q=self.q[at], v=self.v[at], t=self.t[at], vectors=vectors, external=external, friction=mu, refused=refused,
+            _made={}, _applied=None if self._applied is None else self._applied[at],
         )  # fmt: skip
 
     def state(self, i: int) -> State:
@@ -124,7 +128,7 @@ class ManyStates:
             InputError: it is no input.
         """
         self.refuse(i)
-        return State(self.robot, self.q[i], self.v[i])
+        return State(self.robot, self.q[i], self.v[i], t=float(self.t[i]))
 
     def refuse(self, i: int) -> None:
         """Raise what is wrong with state i.
@@ -242,7 +246,7 @@ class _Table:
     def _message(self, robot: CheckedModel, row: Array) -> str:
         if self.what.startswith("friction"):
             return f"{self.what} is {row[0]}; expected a finite number of 0 or more."
-        check = {"q": robot.check_q, "tau": robot.check_tau}.get(self.what, lambda x: robot.check_v(x, self.what))
+        check = {"q": robot.check_q, "tau": robot.check_tau, "t": len}.get(self.what, lambda x: robot.check_v(x, self.what))
         try:
             check(row)
         except InputError as error:

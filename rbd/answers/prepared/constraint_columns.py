@@ -116,6 +116,8 @@ def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
     if isinstance(on, Body):
         base, X_BF = robot.site(on.frame)
         R_BS = X_BF.rotation
+    elif on is not None and on.motion is not None:
+        return None
     elif on is not None and on.moves:
         about = [np.nan] * 3 if on.about is None else on.about
         base, motion = 0, tuple(np.concatenate([*motion_of(on), about, X.translation]).tolist())

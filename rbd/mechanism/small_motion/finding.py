@@ -234,7 +234,7 @@ def _started(
             entries = ", ".join(repr(c.name) for c in robot.joints.velocities[at])
             raise InputError(f"speed of {name!r:.80} is {value!r:.80}; expected one finite number, of one of {entries}.")
         v[at], still[at] = number, True
-    return State(robot, q, v), kept, still
+    return State(robot, q, v, t=state.t), kept, still
 
 
 def _check(found: FoundState, what: str) -> None:

@@ -186,7 +186,7 @@ def velocity_slopes(state: State, manifold: ConstraintManifold, here: StackedRow
         return np.zeros((len(here.J), robot.nv))
 
     def velocity(step: Array) -> Array:
-        return manifold.rows(State(robot, pin.integrate(robot.model, state.q, step), v)).velocity
+        return manifold.rows(State(robot, pin.integrate(robot.model, state.q, step), v, t=state.t)).velocity
 
     return slopes_along(velocity, np.eye(robot.nv), here.velocity, "q[{}]")
 

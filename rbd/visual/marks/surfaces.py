@@ -117,7 +117,7 @@ def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint])
         if patch is None:
             continue
         plane, twist, about = plane_of(contact), np.zeros(6), contact.corners.mean(axis=0)
-        ground = on if isinstance(on, Ground) else patch.on
+        ground = on if isinstance(on, Ground) and on.motion is None else patch.on
         if ground is not None and ground.velocity is not None:
             twist = np.asarray(ground.velocity, float)
             about = about if ground.about is None else np.asarray(ground.about, float)
