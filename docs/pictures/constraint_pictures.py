@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+import rbd
 from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
@@ -20,6 +21,7 @@ def pictures() -> Iterator[Path]:
     yield four_bar_loop()
     yield unicycle_from_above()
     yield four_bar_singular()
+    yield driven_four_bar()
 
 
 def closed(L, theta_1: float, theta_4: float, side: float) -> np.ndarray:
@@ -121,6 +123,30 @@ def four_bar_singular() -> Path:
     )
     frame(plot, "both")
     return _save(figure, "four_bar_singular")
+
+
+def driven_four_bar() -> Path:
+    """Rates, det J2 and torque of a four-bar whose crank turns once at 3 rad/s."""
+    bars, first = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0, crank_angle=np.radians(40.0)), np.radians(40.0)
+    drive = rbd.DrivenJoint("drive", "crank_joint", rbd.Speed(3.0, start=first))
+    start = rbd.mechanism.project_velocity(bars.at("assembled"), [drive])
+    turn = rbd.simulate(start, [drive], duration=2.0 * np.pi / 3.0, step=2.0 * np.pi / 3.0 / 360)
+    states = [turn.state(i) for i in range(len(turn))]
+    rates = [rbd.mechanism.link_rates(state) for state in states]
+    figure = Figure(figsize=(7.0, 6.4), layout="constrained")
+    top, middle, bottom = figure.subplots(3, sharex=True)
+    for link, number, color in (("coupler", 2, COLORS[1]), ("rocker", 3, COLORS[2])):
+        top.plot(turn.t, [rate[link] for rate in rates], color=color, label=f"link {number}")
+    top.legend(frameon=False, ncols=2)
+    top.set_ylabel("rate [rad/s]")
+    middle.plot(turn.t, [rbd.mechanism.link_jacobians(state, known=["crank"]).determinant for state in states], color=INK)
+    middle.set_ylabel("$\\det J_2$ [m$^2$]")
+    bottom.plot(turn.t, turn.forces["drive"][:, 0], color=COLORS[0])
+    bottom.set(ylabel="torque [N m]", xlabel="time [s]", xlim=(0.0, turn.t[-1]))
+    for ax in (top, middle, bottom):
+        ax.axhline(0.0, color=GREY, lw=0.8)
+        frame(ax, "both")
+    return _save(figure, "driven_four_bar")
 
 
 def _loop(ax: Axes, L, theta, *, angles: bool = False, apart: float = 0.0) -> None:

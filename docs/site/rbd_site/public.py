@@ -28,9 +28,9 @@ GROUPS = {
     "Springs and dampers": "Spring Damper Bushing JointSpring JointDamping",
     "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",
     "Solvers": "KKT ProxQP ConeSolver",
-    "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Body",
+    "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Speed Body",
     "Joints, loops and rolling": """
-        LoopClosure JointLimit JointLock JointCoupling JointFriction KnifeEdge RollingBall RollingDisk RollingWheel
+        LoopClosure DrivenJoint JointLimit JointLock JointCoupling JointFriction KnifeEdge RollingBall RollingDisk RollingWheel
         VelocityConstraint FunctionConstraint
     """,
     "Torques": "hold inverse_dynamics Actuation",
