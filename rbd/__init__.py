@@ -40,6 +40,7 @@ if _TYPE_CHECKING:
         RollingDisk as RollingDisk,
         RollingWheel as RollingWheel,
         SurfaceContact as SurfaceContact,
+        Terrain as Terrain,
         VelocityConstraint as VelocityConstraint,
     )
     from rbd.constraints.forces import (
@@ -152,7 +153,8 @@ __version__ = _VERSION
 _NAMES = {
     "rbd.constraints": """
         CollisionContacts DrivenJoint FunctionConstraint JointCoupling JointFriction JointLimit JointLock KnifeEdge LineContact
-        LoopClosure PointContact RollingBall RollingDisk RollingWheel SurfaceContact VelocityConstraint
+        LoopClosure PointContact RollingBall RollingDisk RollingWheel SurfaceContact Terrain
+        VelocityConstraint
     """,
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",

@@ -292,6 +292,7 @@ class TestWhatStandsOnTop:
             "Motor",
             "RobotBuilder",
             "Spring",
+            "Terrain",
             "find_equilibrium",
             "find_steady_motion",
             "identify",

@@ -11,6 +11,7 @@ from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, Join
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel, VelocityConstraint
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.modules import submodule as _submodule
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "RollingDisk",
     "RollingWheel",
     "SurfaceContact",
+    "Terrain",
     "VelocityConstraint",
     "joint_frictions",
     "joint_limits",

@@ -16,7 +16,7 @@ from rbd.arrays import Array, check_number, cross_matrix, locked
 from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
-from rbd.constraints.surface import check_state, check_words, contact_axes
+from rbd.constraints.surface import On, check_state, check_words, contact_axes, plane_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
 from rbd.errors.inputs import listed_items
@@ -24,7 +24,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import RenewedLock
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction
-from rbd.problem.ground import TOUCHES, Ground, On, plane_of
+from rbd.problem.ground import TOUCHES, Ground
 from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4

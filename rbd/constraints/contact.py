@@ -22,7 +22,9 @@ from rbd.constraints.surface import (
     HERE,
     UP,
     Counterpart,
+    On,
     RelativeMotion,
+    Surface,
     anchor_of,
     check_state,
     check_words,
@@ -32,12 +34,16 @@ from rbd.constraints.surface import (
     edge_axes,
     jump_of,
     rigid_placement,
+    surface_of,
 )
+from rbd.constraints.terrain.on_terrain import OnTerrain
+from rbd.constraints.terrain.resting import resting_on
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, check_friction
-from rbd.problem.ground import Body, Ground, On, Surface, surface_of
+from rbd.problem.ground import Body, Ground
 from rbd.problem.rows import Patch, Rows
 
 _FIVE = np.array([0, 1, 2, 4, 5])
@@ -71,7 +77,7 @@ class Contact(Displayed):
         facets: Facets of each corner's pyramid that replaces the cone in a QP; it circumscribes the cone, so it admits
             up to mu / cos(pi / facets) on its edges.
         on: The surface: a plane, `rbd.Ground(point=..., normal=...)`, which may move, or the height of a level one [m];
-            another body, `rbd.Body(frame)`; or None if it is unknown, and the contact is assumed to touch
+            `rbd.Terrain`; another body, `rbd.Body(frame)`; or None if it is unknown, and the contact is assumed to touch
             in any pose. A contact more than a millimetre off its plane gets a `DistantContactWarning` from `rbd.solve`, and
             `rbd.simulate` lets the body fall onto the plane.
         anchor: Where it first touched, in W or in the body's axes: for a point, shape (3,) [m], else pin.SE3 of its centre. The
@@ -126,6 +132,8 @@ class Contact(Displayed):
             check_friction(0.0 if friction is None else friction, facets)
         points, X_FP = corners_of(name, corners, rigid_placement(f"placement of contact {name!r}", placement))
         surface = surface_of(name, on)
+        if isinstance(surface, Terrain) and surface.friction is not None and friction is not None:
+            friction = surface.friction
         if isinstance(surface, Body) and surface.frame == frame:
             raise InputError(f"contact {name!r} is between {frame!r} and itself; expected a frame of another body.")
         X_S0 = anchor_of(name, anchor, point=len(points) == 1)
@@ -143,7 +151,7 @@ class Contact(Displayed):
     @property
     def normal(self) -> Array | None:
         """Outward normal of the surface, shape (3,), in W or in the body's axes; None: the placement's z."""
-        given = None if self.on is None else self.on.normal
+        given = None if self.on is None or isinstance(self.on, Terrain) else self.on.normal
         if given is None:
             return UP.copy() if len(self.corners) == 1 else None
         return np.array(given)
@@ -172,6 +180,8 @@ class Contact(Displayed):
         """
         if type(state) is not State:  # one call less on the hot path
             check_state(state, self.name)
+        if isinstance(self.on, Terrain):
+            return resting_on(self, state).rows(state)
         k, touched = len(self.corners), self._touched
         if k != 2 and touched.still:  # nothing to subtract, as of most contacts
             X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL if k > 1 else pin.LOCAL_WORLD_ALIGNED)
@@ -213,10 +223,11 @@ class Contact(Displayed):
         source = self.source(state)
         return None if source is None else ContactPoints.of(source.at(state, t))
 
-    def source(self, start: State) -> Grounds | None:
-        """Its corners on the ground for a motion; None if bilateral, on a body, or with a set of all rows."""
-        whole = isinstance(self.friction, Cone) and self.friction.dim > 3
-        return None if self.friction is None or self._against is not None or whole else Grounds([OnGround(self, start)], start)
+    def source(self, start: State) -> Grounds | OnTerrain | None:
+        """Its points on the ground for a motion; None if bilateral, on a body, or with a set of all rows."""
+        if self.friction is None or self._against is not None or (isinstance(self.friction, Cone) and self.friction.dim > 3):
+            return None
+        return OnTerrain([self], start) if isinstance(self.on, Terrain) else Grounds([OnGround(self, start)], start)
 
     def anchored(self, state: State) -> Self:
         """The same contact, anchored where it touches at this state."""
@@ -225,7 +236,13 @@ class Contact(Displayed):
         return self._again(anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
 
     def with_friction(self, mu: float | Cone | None, *, facets: int | None = None) -> Self:
-        """The same contact with another coefficient, and other facets of its pyramids if they are given."""
+        """The same contact with another coefficient, and other facets of its pyramids if they are given.
+
+        Raises:
+            InputError: on a terrain with a coefficient of its own.
+        """
+        if isinstance(self.on, Terrain) and self.on.friction is not None and mu != self.on.friction:
+            raise InputError(f"the friction of contact {self.name!r} is its terrain's, {self.on.friction:g}; give it there.")
         return self._again(friction=mu, facets=self.facets if facets is None else facets)
 
     def of_corners(self, chosen: Sequence[int]) -> Self:
@@ -249,6 +266,8 @@ class Contact(Displayed):
         if isinstance(on, Body):
             on = Body(prefix + on.frame, normal=on.normal)
         elif placement is not None:
+            if isinstance(on, Terrain):
+                raise InputError(f"contact {self.name!r} is on terrain, which cannot be moved: make it with frame={frame!r}.")
             given = () if on is None else (on.velocity, on.acceleration, on.motion)
             if self.anchor is not None or any(each is not None for each in given):
                 raise InputError(
@@ -271,7 +290,7 @@ class Contact(Displayed):
         on = self.on
         if isinstance(on, Ground) and on.point is not None:
             return on
-        if anchor is None or isinstance(on, Body) or (on is not None and on.velocity is not None):
+        if anchor is None or isinstance(on, Body | Terrain) or (on is not None and on.velocity is not None):
             return None
         n = anchor.rotation[:, 2] if self.normal is None else self.normal
         motion = None if on is None else on.motion
@@ -298,7 +317,8 @@ class PointContact(Contact):
         friction: Coulomb's coefficient, or a set of forces, as of `Contact`; 0 without friction; None, bilateral: it neither
             slips nor separates.
         facets: Facets of the pyramid that replaces the cone in a QP.
-        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
+        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Terrain`, `rbd.Body` for another body, or None if it
+            is unknown.
         anchor: Where the point first touched, in W or in the body's axes, shape (3,) [m]; None: the rows have no `error`.
 
     Raises:
@@ -347,7 +367,8 @@ class LineContact(Contact):
         friction: Coulomb's coefficient, or a set of forces, as of `Contact`; 0 without friction; None, bilateral: it neither
             slips nor separates.
         facets: Facets of the pyramid that replaces the cone in a QP.
-        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
+        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Terrain`, `rbd.Body` for another body, or None if it
+            is unknown.
         anchor: Pose where the edge first touched, rotation about it excluded, pin.SE3; None: the rows have no `error`.
 
     Raises:
@@ -401,7 +422,8 @@ class SurfaceContact(Contact):
         friction: Coulomb's coefficient, or a set of forces, as of `Contact`; 0 without friction; None, bilateral: it neither
             slips nor separates.
         facets: Facets of the pyramid that replaces the cone in a QP.
-        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
+        on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Terrain`, `rbd.Body` for another body, or None if it
+            is unknown.
         anchor: Pose of the centre where it first touched, pin.SE3; None: the rows have no `error`.
 
     Raises:

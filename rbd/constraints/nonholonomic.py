@@ -29,12 +29,15 @@ from rbd.constraints.surface import (
     HERE,
     UP,
     Counterpart,
+    On,
     RelativeMotion,
     check_state,
     check_words,
     cone_of,
     contact_axes,
     jump_of,
+    plane_of,
+    surface_of,
     unit_direction,
 )  # fmt: skip
 from rbd.displayed import Displayed
@@ -42,7 +45,7 @@ from rbd.errors import InputError
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Free, check_friction
-from rbd.problem.ground import Body, Ground, On, plane_of, surface_of, unit_normal
+from rbd.problem.ground import Body, Ground, unit_normal
 from rbd.problem.motions import Prescribed
 from rbd.problem.rows import Patch, Rows
 

@@ -17,19 +17,25 @@ another point of the surface, at a distance r from the contact, they are convert
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, as_vector3, cross_matrix, is_finite, lazy, zeros
+from rbd.arrays import Array, as_array, as_finite, as_float, as_vector3, cross_matrix, is_finite, lazy, zeros
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
+from rbd.errors.inputs import check_known
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative
 from rbd.problem.corner_cones import LineCone, WrenchCone
-from rbd.problem.ground import Body, Ground, Surface
+from rbd.problem.ground import FLOOR, Body, Ground
 
+Surface = Ground | Body | Terrain | None
+"""A checked surface; None: ground at rest, its position not known."""
+On = Surface | float
+"""A surface as users give it: also the height of a level ground [m]."""
 HERE = pin.SE3.Identity()
 UP = np.array([0.0, 0.0, 1.0])
 STEEPEST = 0.7
@@ -99,7 +105,7 @@ class Counterpart:
             J = J - J_S
             J[:3] += cross_matrix(r) @ J_S[3:]  # - W x r
         else:
-            assert self.on is not None
+            assert isinstance(self.on, Ground)
             on = self.on.at(state.t)
             u, s = motion_of(on)
             r = zeros(3) if on.about is None else p - on.about
@@ -136,6 +142,74 @@ def motion_of(ground: Ground) -> tuple[Array, Array]:
     """(velocity, acceleration) of a ground, shapes (6,); zero where none is given."""
     u, s = (zeros(6) if given is None else np.asarray(given) for given in (ground.velocity, ground.acceleration))
     return u, s
+
+
+def surface_of(name: str, on: object) -> Surface:
+    """The surface that `on=` of a contact stands for: a ground, the height of a level one, a body, or None (not known).
+
+    Raises:
+        InputError: if it is none of these.
+    """
+    if on is None or isinstance(on, Ground | Body | Terrain):
+        return on
+    height = as_float(on)
+    if not abs(height) < 1e100:
+        raise InputError(
+            f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level ground [m], "
+            "rbd.Body(frame), or None where it is not known."
+        )
+    return FLOOR if height == 0.0 else Ground(point=(0.0, 0.0, height))
+
+
+def plane_of(name: str, on: object) -> Ground:
+    """A ground whose plane is known.
+
+    Raises:
+        InputError: if it is a body, or a ground without a point.
+    """
+    ground = surface_of(name, on)
+    if not isinstance(ground, Ground) or ground.point is None:
+        raise InputError(f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), with a point.")
+    return ground
+
+
+def standing_plane(name: str, on: object, at: Array | None = None) -> Ground:
+    """The plane of a contact: its ground's; through W's origin if only the normal is known; else z = 0.
+
+    On terrain the one below a place `at`, in W, shape (3,) [m].
+
+    Raises:
+        InputError: the contact is with a body, or on terrain and it has no place.
+    """
+    surface = surface_of(name, on)
+    if isinstance(surface, Terrain):
+        if at is None or np.shape(at) != (3,):
+            raise InputError(f"contact {name!r:.80} is on terrain: give its place, as pin.SE3 or (x, y, z).")
+        return surface.ground_at(float(at[0]), float(at[1]))
+    if isinstance(surface, Body):
+        raise InputError(f"contact {name!r:.80} is with a body of the robot; expected one with the ground.")
+    if surface is None or surface.normal is None:
+        return FLOOR
+    return surface if surface.point is not None else Ground(point=np.zeros(3), normal=surface.normal)
+
+
+def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Surface]:
+    """The surface under each of several feet.
+
+    Args:
+        names: Of the feet.
+        on: One for all, or {foot: surface}; z = 0 for feet that are not named.
+
+    Raises:
+        UnknownName: an unknown foot, with the nearest names.
+        InputError: neither a ground nor a body.
+    """
+    if not isinstance(on, Mapping):
+        one = surface_of("the feet", on)
+        return dict.fromkeys(names, one)
+    for name in on:
+        check_known("on names what is no foot,", name, names)
+    return {name: surface_of(name, on.get(name, FLOOR)) for name in names}
 
 
 def check_two_bodies(state: State, name: str, frame: str, on: Body) -> None:

@@ -375,25 +375,35 @@ class ContactWatch:
     def _touches(self, contact: Constraint, step: AcceptedStep, part: tuple[int, ...] | None) -> tuple[bool, bool, bool]:
         """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.
 
-        Of a part of it, its points. A contact of a body whose collision shapes are told touches with these.
+        Of a part of it, its points. A contact of a body whose collision shapes are told touches with these. On terrain it is
+        whole where it rests on three points: what is over no piece, or beside one, has none.
         """
         if contact.name in step.inactive:
             return False, False, False
         if contact.name in self._always:
             return True, True, True
         told, of = step.contacts.get(contact.name), slice(None) if part is None else list(part)
+        uneven = callable(member(member(contact, "on"), "heights_of"))
         if told is not None:
+            if uneven:
+                of = [i for i, label in enumerate(told.names) if _rests(label, part)]
             gaps, n = np.asarray(told.gaps)[of], int(np.count_nonzero(np.asarray(told.touches)[of]))
         else:
             if contact.name not in self._sources:
                 self._sources[contact.name] = sources_of((contact,), step.state)[0]
-            gaps = self._sources[contact.name].gaps(step.state, step.t)[of]
+            gaps = self._sources[contact.name].gaps(step.state, step.t)[slice(None) if uneven else of]
             n = int(np.count_nonzero(gaps <= TOUCHES))
-        whole, near = 0 < n == len(gaps), n > 0 or bool((gaps <= NEAR).any())
+        whole = n >= min(len(part or contact.corners), 3) if uneven else 0 < n == len(gaps)  # type: ignore[attr-defined]
+        near = n > 0 or bool((gaps <= NEAR).any())
         if told is not None or whole or not step.contacts:
             return n > 0, whole, near
         shapes = self._bodies(step)[self._joint(step.state.robot, str(member(contact, "frame")))]
         return n + shapes > 0, shapes >= min(len(gaps), 3), shapes > 0 or near
+
+
+def _rests(label: str, part: tuple[int, ...] | None) -> bool:
+    """Whether a point on terrain is under a contact, or a part of it."""
+    return "beside" not in label if part is None else label in {f"corner {i}" for i in part}
 
 
 def _met(touch: ContactTouch) -> list[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -13,12 +13,12 @@ import pinocchio as pin
 from rbd.arrays import Array, as_finite, as_float, as_vector3, check_finite
 from rbd.constraints.constraint import made, member
 from rbd.constraints.contact import Contact
-from rbd.constraints.surface import shortest_turn
+from rbd.constraints.surface import shortest_turn, standing_plane
 from rbd.errors import FrameNotFound, InputError, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.state import State
-from rbd.problem.ground import Ground, standing_plane, unit_normal
+from rbd.problem.ground import FLOOR, Ground, unit_normal
 from rbd.robots.robot import Robot
 
 CENTRE_OF_MASS = "centre of mass"
@@ -187,7 +187,9 @@ def read_com(com: object) -> CentreOfMass | None:
 def _of_contact(contact: Contact, where: object) -> Target:
     """A contact on a plane, or its centre at a point with a direction, or at a pose."""
     X_FP, name, flat = _patch(contact), contact.name, len(contact.corners) > 1
-    plane, height = standing_plane(name, contact.on), as_float(where)
+    height = as_float(where)
+    place: Any = where.translation if isinstance(where, pin.SE3) else where
+    plane = FLOOR if isinstance(where, Ground) else standing_plane(name, contact.on, place)
     if where is None or isinstance(where, Ground) or not math.isnan(height):
         if isinstance(where, Ground):
             plane = _known(name, where)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, filled, zeros
+from rbd.arrays import Array, as_array, as_vector3, check_finite, filled, zeros
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_known
 from rbd.problem.motions import Motion, Prescribed
 
 TOUCHES = 1e-3
@@ -171,74 +170,6 @@ class Body(Displayed):
 
 FLOOR = Ground(point=(0.0, 0.0, 0.0))
 """The plane z = 0."""
-
-Surface = Ground | Body | None
-"""A checked surface; None: ground at rest, its position not known."""
-On = Surface | float
-"""A surface as users give it: also the height of a level ground [m]."""
-
-
-def surface_of(name: str, on: object) -> Surface:
-    """The surface that `on=` of a contact stands for: a ground, the height of a level one, a body, or None (not known).
-
-    Raises:
-        InputError: if it is none of these.
-    """
-    if on is None or isinstance(on, Ground | Body):
-        return on
-    height = as_float(on)
-    if not abs(height) < 1e100:
-        raise InputError(
-            f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), the height of a level ground [m], "
-            "rbd.Body(frame), or None where it is not known."
-        )
-    return FLOOR if height == 0.0 else Ground(point=(0.0, 0.0, height))
-
-
-def plane_of(name: str, on: object) -> Ground:
-    """A ground whose plane is known.
-
-    Raises:
-        InputError: if it is a body, or a ground without a point.
-    """
-    ground = surface_of(name, on)
-    if not isinstance(ground, Ground) or ground.point is None:
-        raise InputError(f"on of {name!r:.80} is {on!r:.80}; expected rbd.Ground(point=..., normal=...), with a point.")
-    return ground
-
-
-def standing_plane(name: str, on: object) -> Ground:
-    """The plane of a contact: its ground's; through W's origin if only the normal is known; else z = 0.
-
-    Raises:
-        InputError: the contact is with a body.
-    """
-    surface = surface_of(name, on)
-    if isinstance(surface, Body):
-        raise InputError(f"contact {name!r:.80} is with a body of the robot; expected one with the ground.")
-    if surface is None or surface.normal is None:
-        return FLOOR
-    return surface if surface.point is not None else Ground(point=np.zeros(3), normal=surface.normal)
-
-
-def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Surface]:
-    """The surface under each of several feet.
-
-    Args:
-        names: Of the feet.
-        on: One for all, or {foot: surface}; z = 0 for feet that are not named.
-
-    Raises:
-        UnknownName: an unknown foot, with the nearest names.
-        InputError: neither a ground nor a body.
-    """
-    if not isinstance(on, Mapping):
-        one = surface_of("the feet", on)
-        return dict.fromkeys(names, one)
-    for name in on:
-        check_known("on names what is no foot,", name, names)
-    return {name: surface_of(name, on.get(name, FLOOR)) for name in names}
-
 
 def _twist(what: str, value: Sequence[float] | Array) -> Array:
     """Linear and angular parts, shape (6,); a missing angular part is zero."""

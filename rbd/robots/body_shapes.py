@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from rbd.arrays import lazy
 from rbd.constraints.contact import SurfaceContact
+from rbd.constraints.surface import On
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
@@ -22,7 +23,6 @@ from rbd.model.input_files import MOST_BYTES, FileLimits, find_mesh, read_xml
 from rbd.model.meshes import Geometry, load_geometry
 from rbd.model.output_files import new_folder, write_file
 from rbd.model.state import State
-from rbd.problem.ground import On
 from rbd.robots.catalogue import RobotSource
 from rbd.robots.feet import contacts_of, soles_at
 

@@ -13,13 +13,13 @@ from rbd.arrays import Array, largest_first
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import RIM_CORNERS, area_of, convex_hull
+from rbd.constraints.surface import On, Surface, surfaces_of
 from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.meshes import Geometry, solid_hull
 from rbd.model.state import State
 from rbd.problem.cones import Cone
-from rbd.problem.ground import On, Surface, surfaces_of
 from rbd.robots.catalogue import Foot
 
 

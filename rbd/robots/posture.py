@@ -14,14 +14,14 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.constraint import listed, made, member
 from rbd.constraints.contact import Contact
-from rbd.constraints.surface import shortest_turn
+from rbd.constraints.surface import shortest_turn, standing_plane
 from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.state import State, checked
 from rbd.model.urdf import BASE_JOINT, Complaints
 from rbd.model.world import LEAST_FALL
-from rbd.problem.ground import FLOOR, TOUCHES, Ground, standing_plane
+from rbd.problem.ground import FLOOR, TOUCHES, Ground
 
 UP = np.array([0.0, 0.0, 1.0])
 ROUNDED = 1e-4
@@ -158,7 +158,7 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     for foot in feet:
         if member(foot, "corners") is None or member(foot, "placement") is None:
             raise InputError(f"{made(foot).name!r:.80} is not a contact with the ground; expected e.g. robot.feet().")
-    planes, q = [standing_plane(foot.name, foot.on) for foot in feet], state.q.copy()  # type: ignore[attr-defined]
+    planes, q = [_plane_under(state, foot) for foot in feet], state.q.copy()  # type: ignore[arg-type]
     up = np.sum([np.asarray(plane.normal) for plane in planes], axis=0)
     if np.linalg.norm(up) > 1e-3 * len(planes):  # opposite walls do not determine the tilt
         level = _levelling(state, feet, up / np.linalg.norm(up))  # type: ignore[arg-type]
@@ -176,7 +176,7 @@ def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> N
     """Name the feet that the joint angles leave off their ground, by more than a millimetre; `stacklevel` as of `warnings`."""
     told = []
     for foot in feet:
-        gaps = standing_plane(foot.name, foot.on).distances(corner_points(state, [foot]))
+        gaps = _plane_under(state, foot).distances(corner_points(state, [foot]))
         if np.abs(gaps).max() > TOUCHES:
             worst = float(gaps[np.argmax(np.abs(gaps))])
             told.append(f"{foot.name!r:.80} up to {1e3 * abs(worst):.3g} mm {'above' if worst > 0.0 else 'below'} it")
@@ -187,6 +187,10 @@ def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> N
             DistantContactWarning,
             stacklevel=stacklevel,
         )
+
+
+def _plane_under(state: State, foot: Contact) -> Ground:
+    return standing_plane(foot.name, foot.on, corner_points(state, [foot]).mean(axis=0))
 
 
 def _lower(robot: CheckedModel, q: Array, feet: Sequence[Contact], plane: Ground) -> None:

@@ -17,6 +17,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, joint_frictions, joint_limits, mimics
+from rbd.constraints.surface import On
 from rbd.errors import InputError, ModelError, nearest
 from rbd.errors.inputs import check_different, check_kind
 from rbd.model.input_files import FileLimits
@@ -25,7 +26,6 @@ from rbd.model.pickling import Recipe, packed, unpacked
 from rbd.model.state import State
 from rbd.model.urdf import BASE_JOINT
 from rbd.problem.cones import Cone
-from rbd.problem.ground import On
 from rbd.robots import catalogue, travelling
 from rbd.robots.body_shapes import ShapedRobot
 from rbd.robots.carried import Carried

@@ -18,13 +18,14 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import across
+from rbd.constraints.surface import On, plane_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
 from rbd.model.state import State, checked
 from rbd.model.world import along_gravity
 from rbd.problem.conic import Conic, Unknowns
-from rbd.problem.ground import Ground, On, plane_of
+from rbd.problem.ground import Ground
 from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import (
     ForceBalance,

@@ -20,6 +20,7 @@ from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.surface import motion_of
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone, Free, checked_generators
 from rbd.problem.ground import Body
@@ -110,6 +111,8 @@ def site_of(columns: Sequence[Column]) -> Site:
 def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
     """Of a contact at a point, along an edge, or over a patch."""
     cone, k, kernel, on = contact.cone, len(contact.corners), law_kernel(), contact.on
+    if isinstance(on, Terrain):  # what it rests on changes with the state
+        return None
     G, _ = checked_generators(cone)
     joint, X_JF = robot.site(contact.frame)
     base, motion, R_BS, X = -1, NO_MOTION, np.eye(3), X_JF * contact.placement

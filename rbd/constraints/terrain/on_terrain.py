@@ -1,0 +1,168 @@
+"""Contacts on terrain, as points: of their corners, of their outline over edges, and of what is under them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array, zeros
+from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
+from rbd.constraints.terrain.terrain import Terrain
+from rbd.model.state import State
+from rbd.problem.cones import Cone, FrictionCone, NonNegative
+
+UP = np.array([0.0, 0.0, 1.0])
+_KINDS = ("corner {} beside", "outline {} over", "under it,", "outline {} nearest to")
+_ROOM = 64
+"""Points of one plate for which there is room at first."""
+_KEY = [0, 1, 2, 3, 5]
+_MOST_STRUCTURES = 1000
+"""Number of cached sets of points; a sole that slides over many pieces can have a new one at every step."""
+
+
+class Touches:
+    """What plates touch at one state: k points.
+
+    Attributes:
+        places: On the plates, in W, shape (k, 3) [m].
+        normals: Out of the terrain, shape (k, 3).
+        gaps: Along them, shape (k,) [m].
+        which: Kind, two numbers, piece, - and plate of each, shape (k, 6); see `touching_kernel`.
+    """
+
+    __slots__ = ("gaps", "normals", "places", "plates", "ups", "ways", "which")
+
+    def __init__(self, terrain: Terrain, plates: Array, at: Array, ups: Array, margin: float) -> None:
+        low, high = plates.min(axis=0) - margin, plates.max(axis=0) + margin
+        arrays, most, k = terrain.polytopes(low, high), _ROOM * len(ups), -1
+        while k < 0:  # where many pieces are near, with more room
+            places, normals, ways = np.empty((3, most, 3))
+            gaps, which, most = np.empty(most), np.zeros((most, 6), int), 4 * most
+            k = _kernel().touching(plates, at, ups, margin, *arrays, places, normals, gaps, which, ways)
+        self.places, self.normals, self.gaps, self.which, self.ways = (x[:k] for x in (places, normals, gaps, which, ways))
+        self.plates, self.ups = plates, ups
+
+
+def nearest_gaps(terrain: Terrain, points: Array) -> Array:
+    """Signed distances of points from the nearest piece, shape (k,) [m]."""
+    at, ups = np.arange(2), np.array([[0.0, 0.0, 1.0]])
+    return np.array([Touches(terrain, p[None], at, ups, 1e6).gaps.min(initial=np.inf) for p in points])
+
+
+class OnTerrain:
+    """Points of contacts on one terrain, computed together: those nearer than `MARGIN`.
+
+    Args:
+        contacts: Contacts with a coefficient of friction; all at points, or all of edges and patches.
+        start: Any state of the robot.
+    """
+
+    def __init__(self, contacts: Sequence[Any], start: State) -> None:
+        self.contacts, self._robot = tuple(contacts), start.robot
+        self.terrain: Terrain = contacts[0].on
+        sites = [self._robot.site(c.frame) for c in contacts]
+        self.placements = [X_JF * c.placement for c, (_, X_JF) in zip(contacts, sites, strict=True)]
+        self.joints = sorted({joint for joint, _ in sites})
+        self._joint = np.array([self.joints.index(joint) for joint, _ in sites])
+        self._carries = np.array([self._robot.joints.carrying(joint) for joint in self.joints])
+        self._at = np.concatenate([[0], np.cumsum([len(c.corners) for c in contacts])]).astype(int)
+        each = np.repeat(np.arange(len(contacts)), [len(c.corners) for c in contacts])
+        self._of = self._joint[each]
+        self._arms = np.concatenate(
+            [X.translation + c.corners @ X.rotation.T for c, X in zip(contacts, self.placements, strict=True)]
+        )
+        self._centres = np.array([X.translation for X in self.placements])
+        self._ups = np.array(
+            [X.rotation[:, 2] if len(c.corners) > 2 else UP for c, X in zip(contacts, self.placements, strict=True)]
+        )
+        R = start.joint_places(self.joints)[0][self._joint]
+        self._alongs = np.array([
+            Q @ X.rotation[:, 0] if len(c.corners) > 1 else UP[[2, 0, 1]]
+            for c, X, Q in zip(contacts, self.placements, R, strict=True)
+        ])  # fmt: skip
+        self._flat = np.array([len(c.corners) > 2 for c in contacts])
+        self.alone = len(contacts[0].corners) == 1
+        self._cones, self._names = tuple(_cone(c) for c in contacts), [c.name for c in contacts]
+        self._kept = np.array([[c.dim == 3, c.dim == 3, True] for c in self._cones])
+        self._some = not self._kept.all()
+        self._most = max(len(c.corners) for c in contacts)
+        self._numbers: dict[tuple[int, ...], int] = {}
+        self._seen: dict[bytes, Structure] = {}
+
+    @classmethod
+    def joined(cls, sources: Sequence[OnTerrain], start: State) -> OnTerrain:
+        """Several sources as one."""
+        return cls([contact for source in sources for contact in source.contacts], start)
+
+    @property
+    def group(self) -> Group | None:
+        """Contacts on the same terrain are computed together."""
+        return OnTerrain.joined, (id(self.terrain), self.alone)
+
+    def touches(self, state: State, margin: float = MARGIN) -> tuple[Touches, Array, Array]:
+        """(what they touch, R_WJ and places of their joints) at a state."""
+        R, p = state.joint_places(self.joints)
+        plates = (R[self._of] @ self._arms[:, :, None])[:, :, 0] + p[self._of]
+        ups = np.where(self._flat[:, None], (R[self._joint] @ self._ups[:, :, None])[:, :, 0], self._ups)
+        return Touches(self.terrain, plates, self._at, ups, margin), R, p
+
+    def gaps(self, state: State, t: float) -> Array:
+        """The gaps of `at`."""
+        return self.touches(state)[0].gaps
+
+    def at(self, state: State, t: float) -> Measured:
+        """Their points at a state."""
+        found, R, p = self.touches(state)
+        nv, k, plate, P = len(state.v), len(found.gaps), found.which[:, 5], found.places
+        axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
+        _kernel().rows(
+            P, found.normals, found.which, found.ways, self._joint, self._carries, state.joint_motion(self.joints)[2], state.v,
+            found.plates, self._at, found.ups, self._alongs, found.gaps, axes, J, velocity, bias,
+        )  # fmt: skip
+        kept = np.flatnonzero(self._kept[plate].ravel()) if self._some else slice(None)
+        arms = None if self.alone else P - ((R[self._joint] @ self._centres[:, :, None])[:, :, 0] + p[self._joint])[plate]
+        return Measured(
+            self._structure(found.which), J[kept], velocity[kept], bias[kept], found.gaps, zeros(3 * k)[kept],
+            None, arms, P, axes,
+        )  # fmt: skip
+
+    def label(self, number: int) -> str:
+        """What a point is, by its number in this motion."""
+        if number < self._most:
+            return f"corner {number}"
+        _, kind, i, _, piece = list(self._numbers)[number - self._most]
+        return f"{_KINDS[kind].format(i)} {self.terrain.pieces[piece].name}"
+
+    def _structure(self, which: Array) -> Structure:
+        """The same object for the same points: corners have their own numbers, on whichever piece they are."""
+        key = which[:, _KEY].tobytes()
+        known = self._seen.get(key)
+        if known is None:
+            numbers, owners = list[int](), list[int]()
+            for kind, i, j, piece, _, plate in which.tolist():
+                first = kind == 0 and (plate, i) not in zip(owners, numbers, strict=True)
+                numbers.append(
+                    i if first else self._most + self._numbers.setdefault((plate, kind, i, j, piece), len(self._numbers))
+                )
+                owners.append(plate)
+            names, cones = tuple(self._names[o] for o in owners), tuple(self._cones[o] for o in owners)
+            if len(self._seen) >= _MOST_STRUCTURES:
+                self._seen.clear()
+            known = self._seen[key] = Structure(names, tuple(numbers), cones)
+        return known
+
+
+def _cone(contact: Any) -> Cone:
+    mu = contact.on.friction if contact.on.friction is not None else contact.friction
+    return mu if isinstance(mu, Cone) else FrictionCone(float(mu), int(contact.facets)) if mu else NonNegative(1)
+
+
+@cache
+def _kernel() -> ModuleType:
+    from rbd.constraints.terrain import touching_kernel
+
+    return touching_kernel

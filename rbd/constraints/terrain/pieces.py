@@ -1,0 +1,269 @@
+"""Convex pieces of terrain: corners, faces and edges, as arrays; and grids of heights, cut into prisms where needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_number, locked
+from rbd.constraints.convex.convex_shapes import parts_of
+from rbd.constraints.convex.polygons import across
+from rbd.errors import InputError
+from rbd.model.meshes import solid_hull
+from rbd.problem.ground import Ground
+
+ON_FACE = 1e-9
+"""Corners this near to a face, relative to the piece's size, are on it."""
+SIDES = 48
+"""Sides of the prism in place of a cylinder: its corners are on the cylinder, its faces up to 0.2 % of the radius inside."""
+BELOW_M = 1.0
+"""The base of prisms of a grid of heights is this far below its lowest point [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A convex piece, or a half-space, in W.
+
+    Attributes:
+        name: Its name in the terrain.
+        faces: (N, d), N x <= d inside, shape (f, 4) [1, m].
+        vertices: Corners, shape (v, 3) [m]; none of a half-space.
+        loops: Of each face its corners in order, counterclockwise as seen from outside.
+        edges: Of each edge two corners and two faces, shape (e, 4).
+        box: Lowest and highest x, y, z, shape (6,) [m].
+    """
+
+    name: str
+    faces: Array
+    vertices: Array
+    loops: tuple[tuple[int, ...], ...]
+    edges: Array = field(init=False, repr=False)
+    box: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        found: dict[tuple[int, int], list[int]] = {}
+        for face, loop in enumerate(self.loops):
+            for a, b in zip(loop, (*loop[1:], *loop[:1]), strict=True):
+                found.setdefault((min(a, b), max(a, b)), []).append(face)
+        edges = np.array([(a, b, of[0], of[-1]) for (a, b), of in found.items()], int).reshape(-1, 4)
+        ends = (-np.inf, np.inf) if not len(self.vertices) else (self.vertices.min(axis=0), self.vertices.max(axis=0))
+        self.__dict__.update(edges=edges, box=np.concatenate([np.broadcast_to(end, 3) for end in ends]))
+
+    @property
+    def directions(self) -> Array:
+        """The different directions of its edges, shape (d, 3)."""
+        d = self.vertices[self.edges[:, 1]] - self.vertices[self.edges[:, 0]]
+        d = d / np.linalg.norm(d, axis=1)[:, None]
+        kept: list[Array] = []
+        for x in d:
+            if not any(abs(abs(float(x @ y)) - 1.0) < 1e-14 for y in kept):
+                kept.append(x)
+        return np.reshape(kept, (-1, 3))
+
+    def depths(self, points: Array) -> Array:
+        """The largest N x - d of points (..., 3): minus the depth inside [m]; outside no more than the distance."""
+        return np.asarray((points @ self.faces[:, :3].T - self.faces[:, 3]).max(axis=-1))
+
+    def tops(self, xy: Array) -> Array:
+        """Height of its upper side at places (..., 2) [m]; -inf beside it."""
+        out, beside = np.full(xy.shape[:-1], np.inf), np.zeros(xy.shape[:-1], bool)
+        for x, y, z, d in self.faces.tolist():
+            level = d - x * xy[..., 0] - y * xy[..., 1]
+            if z > 1e-9:
+                out = np.minimum(out, level / z)
+            elif z >= -1e-9:
+                beside |= level < -1e-9
+        low = np.full(out.shape, -np.inf)
+        for x, y, z, d in self.faces.tolist():
+            if z < -1e-9:
+                low = np.maximum(low, (d - x * xy[..., 0] - y * xy[..., 1]) / z)
+        return np.where(beside | (low > out + 1e-9) | np.isposinf(out), -np.inf, out)
+
+
+def half_space(name: str, ground: Ground) -> Piece:
+    """What is below a plane."""
+    return Piece(name, np.array([[*np.asarray(ground.normal), ground.height]]), np.zeros((0, 3)), ((),))
+
+
+def polytope(name: str, corners: Array, faces: Array | None = None) -> Piece:
+    """The convex hull of some corners, shape (k, 3); its faces are given, or those of the hull.
+
+    Raises:
+        InputError: corners in a plane.
+    """
+    if faces is None:
+        try:
+            hull = solid_hull(corners)
+        except ValueError as error:
+            raise InputError(f"piece {name!r:.80} of a terrain {error}; expected a solid.") from None
+        corners = corners[hull.vertices]
+        first = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)[1]
+        faces = np.column_stack([hull.equations[:, :3], -hull.equations[:, 3]])[np.sort(first)]
+        faces[:, 3] = (corners @ faces[:, :3].T).max(axis=0)
+    size = float(np.ptp(corners, axis=0).max())
+    loops = []
+    for face in faces:
+        own = np.flatnonzero(np.abs(corners @ face[:3] - face[3]) <= ON_FACE * size)
+        flat = across(face[:3]) @ (corners[own] - corners[own].mean(axis=0)).T
+        loops.append(tuple(own[np.argsort(np.arctan2(flat[1], flat[0]))].tolist()))
+    return Piece(name, faces, corners, tuple(loops))
+
+
+def piece_of(name: str, given: object) -> Piece | Heights:
+    """A piece as users give it: a ground, a grid of heights, a shape, or a shape and its pose.
+
+    Raises:
+        InputError: what is none of these, a moving ground, or a shape that is round.
+    """
+    if isinstance(given, Heights):
+        return given
+    if isinstance(given, Ground):
+        if given.point is None or given.moves:
+            raise InputError(f"piece {name!r:.80} of a terrain is {given!r:.80}; expected a plane at rest, with a point.")
+        return half_space(name, given)
+    shape, X = given if isinstance(given, tuple | list) and len(given) == 2 else (given, None)
+    if isinstance(shape, pin.GeometryObject):
+        shape, X = shape.geometry, shape.placement
+    if not isinstance(shape, coal.CollisionGeometry):
+        raise InputError(
+            f"piece {name!r:.80} of a terrain is {given!r:.80}; expected rbd.Ground(point=..., normal=...), a shape such as "
+            "coal.Box(x, y, z), or (shape, pin.SE3), in W."
+        )
+    X = _pose(name, X)
+    if isinstance(shape, coal.Plane | coal.Halfspace):
+        n = X.rotation @ np.asarray(shape.n)
+        return Piece(name, np.array([[*n, float(shape.d) + float(n @ X.translation)]]), np.zeros((0, 3)), ((),))
+    if isinstance(shape, coal.Cylinder):
+        angles = 2.0 * np.pi * np.arange(SIDES) / SIDES
+        rim = float(shape.radius) * np.column_stack([np.cos(angles), np.sin(angles)])
+        corners = np.vstack([np.column_stack([rim, np.full(SIDES, z)]) for z in (-shape.halfLength, shape.halfLength)])
+        return polytope(name, corners @ X.rotation.T + X.translation)
+    corners, rounds, faces = parts_of(shape)
+    if rounds or not len(corners):
+        raise InputError(
+            f"piece {name!r:.80} of a terrain is a {type(shape).__name__}; expected a box, a cylinder, a convex mesh or a "
+            "plane. Give a round piece as a mesh."
+        )
+    N = faces[:, :3] @ X.rotation.T
+    placed = corners @ X.rotation.T + X.translation
+    return polytope(name, placed, np.column_stack([N, faces[:, 3] + N @ X.translation]) if len(faces) else None)
+
+
+def _pose(name: str, X: object) -> pin.SE3:
+    if X is None:
+        return pin.SE3.Identity()
+    if isinstance(X, pin.SE3):
+        return X
+    given = as_array(f"pose of piece {name!r:.80} of a terrain", X)
+    if given.shape == (3,):
+        return pin.SE3(np.eye(3), as_finite("its place", given, (3,)))
+    if given.shape != (4, 4) or not np.allclose(given[:3, :3] @ given[:3, :3].T, np.eye(3), atol=1e-6):
+        raise InputError(f"pose of piece {name!r:.80} has shape {given.shape}; expected pin.SE3, 4 x 4, or a place (3,) in W.")
+    return pin.SE3(given[:3, :3], given[:3, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """A grid of heights: the surface is two triangles a cell, cut along the diagonal from (i, j) to (i + 1, j + 1).
+
+    Attributes:
+        name: Its name in the terrain.
+        z: Height at (x, y) = origin + spacing (i, j), shape (n, m) [m].
+        spacing: Along x and y, shape (2,) [m].
+        origin: Place of z[0, 0], shape (2,) [m].
+    """
+
+    name: str
+    z: Array
+    spacing: Array
+    origin: Array
+
+    @classmethod
+    def of(cls, name: str, z: object, spacing: object, origin: object) -> Heights:
+        """Checked.
+
+        Raises:
+            InputError: heights that are not finite, fewer than two rows or columns, a spacing that is not positive.
+        """
+        heights = as_finite("z of a terrain's heights", z, ("n", "m"))
+        if min(heights.shape) < 2:
+            raise InputError(f"z of a terrain's heights has shape {heights.shape}; expected two rows and two columns or more.")
+        steps = [
+            check_number("spacing of a terrain's heights", s, ABOVE_ZERO, 1e6, expected="a length > 0 [m], or two")
+            for s in np.broadcast_to(np.asarray(spacing, object), 2).tolist()
+        ]
+        return cls(name, locked(np.array(heights)), np.array(steps), as_finite("origin of a terrain's heights", origin, (2,)))
+
+    @property
+    def base(self) -> float:
+        """Height of the prisms' lower ends [m]."""
+        return float(self.z.min()) - BELOW_M
+
+    def cells(self, low: Array, high: Array) -> list[tuple[int, int]]:
+        """The cells that reach into a box of x and y."""
+        first, last = ((x[:2] - self.origin) / self.spacing for x in (low, high))
+        ends = np.array(self.z.shape) - 1
+        start, stop = np.clip(np.floor(first), 0, ends).astype(int), np.clip(np.floor(last) + 1, 0, ends).astype(int)
+        return [(i, j) for i in range(start[0], stop[0]) for j in range(start[1], stop[1])]
+
+    def prisms(self, i: int, j: int) -> list[Piece]:
+        """The two prisms of a cell."""
+        at = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+        P = np.array([[*(self.origin + self.spacing * (a, b)), self.z[a, b]] for a, b in at])
+        out = []
+        for half, corners in zip("ab", (P[[0, 1, 2]], P[[0, 2, 3]]), strict=True):
+            low = np.column_stack([corners[:, :2], np.full(3, self.base)])
+            n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+            n /= np.linalg.norm(n)
+            along = np.roll(corners, -1, axis=0) - corners
+            sides = np.column_stack([along[:, 1], -along[:, 0], np.zeros(3)]) / np.linalg.norm(along[:, :2], axis=1)[:, None]
+            N = np.vstack([n, [0.0, 0.0, -1.0], sides])
+            d = np.concatenate([[n @ corners[0], -self.base], np.vecdot(sides, corners)])
+            loops = ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0))
+            out.append(Piece(f"{self.name}[{i},{j}]{half}", np.column_stack([N, d]), np.vstack([corners, low]), loops))
+        return out
+
+    def tops(self, xy: Array) -> Array:
+        """Height of the surface at places (..., 2) [m]; -inf beside the grid."""
+        at = (xy - self.origin) / self.spacing
+        ends = np.array(self.z.shape) - 1
+        beside = ((at < -1e-9) | (at > ends + 1e-9)).any(axis=-1) | ~np.isfinite(at).all(axis=-1)
+        at = np.where(beside[..., None], 0.0, at)
+        i, j = (np.clip(np.floor(at[..., c]).astype(int), 0, ends[c] - 1) for c in (0, 1))
+        s, t = at[..., 0] - i, at[..., 1] - j
+        a, b, c, d = self.z[i, j], self.z[i + 1, j], self.z[i + 1, j + 1], self.z[i, j + 1]
+        return np.where(beside, -np.inf, np.where(s >= t, a + s * (b - a) + t * (c - b), a + t * (d - a) + s * (c - d)))
+
+
+class Polytopes(NamedTuple):
+    """Pieces side by side, as `rbd.constraints.terrain.touching_kernel` reads them."""
+
+    boxes: Array
+    faces: Array
+    vertices: Array
+    edges: Array
+    loops: Array
+    loop_at: Array
+    dirs: Array
+    begins: Array
+
+    @classmethod
+    def of(cls, pieces: list[Piece]) -> Polytopes:
+        """The arrays of some pieces."""
+        directions = [piece.directions for piece in pieces]
+        loops = [loop for piece in pieces for loop in piece.loops]
+        counts = [(len(p.faces), len(p.vertices), len(p.edges), len(d)) for p, d in zip(pieces, directions, strict=True)]
+        return cls(
+            np.array([piece.box for piece in pieces]).reshape(-1, 6),
+            np.concatenate([np.zeros((0, 4)), *[piece.faces for piece in pieces]]),
+            np.concatenate([np.zeros((0, 3)), *[piece.vertices for piece in pieces]]),
+            np.concatenate([np.zeros((0, 4), int), *[piece.edges for piece in pieces]]),
+            np.array([i for loop in loops for i in loop], int),
+            np.concatenate([[0], np.cumsum([len(loop) for loop in loops])]).astype(int),
+            np.concatenate([np.zeros((0, 3)), *directions]),
+            np.vstack([np.zeros((1, 4), int), np.cumsum(np.reshape(counts, (-1, 4)), axis=0)]).astype(int),
+        )

@@ -1,0 +1,85 @@
+"""What a contact on terrain rests on at a state: the plane under it, and the corners of the part of it that rests there."""
+
+from __future__ import annotations
+
+import copy
+from functools import lru_cache
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, locked
+from rbd.constraints.surface import Counterpart, anchor_of, cone_of, contact_axes
+from rbd.constraints.terrain.on_terrain import OnTerrain
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.problem.ground import TOUCHES, Ground
+
+RESTS = 0.5
+"""A point whose normal has less than this along a sole's is beside it, not under it."""
+SAME_NORMAL = 1e-6
+"""Normals that differ by less than this are of one plane."""
+_MOST = 256
+"""Contacts of a robot whose sources are kept."""
+_sources: WeakKeyDictionary[CheckedModel, dict[Any, OnTerrain]] = WeakKeyDictionary()
+
+
+def resting_on(contact: Any, state: State) -> Any:
+    """The same contact on the plane under it, at the corners of the part that rests there; in the same axes and centre.
+
+    Where nothing of it is within a millimetre of the terrain, it has all its corners, and the plane below its centre.
+
+    Raises:
+        InputError: where it is over no terrain, or rests on two planes that are inclined to each other.
+    """
+    known = _sources.setdefault(state.robot, {})
+    source = known.get(contact)
+    if source is None:
+        if len(known) >= _MOST:
+            known.clear()
+        source = known[contact] = OnTerrain([contact], state)
+    found, R, p = source.touches(state, TOUCHES)
+    X_WP = pin.SE3(R[0], p[0]) * source.placements[0]
+    k = len(contact.corners)
+    up = X_WP.rotation[:, 2] if k > 2 else np.array([0.0, 0.0, 1.0])
+    under = np.flatnonzero(found.normals @ up > RESTS)
+    if not len(under):
+        below = contact.on.ground_at(*X_WP.translation[:2].tolist())
+        return _on_plane(contact, tuple(np.asarray(below.normal).tolist()), float(below.height), contact.corners.tobytes(), k)
+    normals = found.normals[under]
+    if np.abs(normals - normals[0]).max() > SAME_NORMAL:
+        raise InputError(
+            f"contact {contact.name!r} rests on two planes of the terrain, inclined to each other: its forces have no common "
+            "axes. Give its corners as contacts of their own, rbd.PointContact, or simulate it: there each point has "
+            "the normal of its own plane."
+        )
+    n, place = normals[0], found.places[under] - found.gaps[under, None] * normals
+    local = contact.corners
+    if not (len(under) == k and (found.which[under, 0] == 0).all()):
+        local = np.round((found.places[under] - X_WP.translation) @ X_WP.rotation, 12)
+    if k > 2:
+        while len(local) < 3:  # an edge, or a corner: the same forces from three corners
+            local = np.vstack([local, local[-1:]])
+    return _on_plane(contact, tuple(n.tolist()), round(float(n @ place[0]), 12), local.tobytes() if k > 1 else b"", len(local))
+
+
+@lru_cache(maxsize=1024)
+def _on_plane(contact: Any, normal: tuple[float, ...], height: float, corners: bytes, k: int) -> Any:
+    n = np.array(normal)
+    ground = Ground(point=height * n, normal=n / np.linalg.norm(n))
+    if len(contact.corners) == 1:
+        return contact._again(on=ground)
+    own: Array = locked(np.frombuffer(corners).reshape(k, 3).copy())
+    if len(contact.corners) == 2:
+        return contact._again(on=ground, corners=own) if k == 2 else contact._again(on=ground)
+    out = copy.copy(contact)
+    X_S0 = anchor_of(contact.name, contact.anchor, point=False)
+    out.__dict__.update(
+        on=ground, plane=ground, corners=own, cone=cone_of(contact.name, own, contact.friction, contact.facets),
+        _touched=Counterpart(contact.name, ground, X_S0), _axes=contact_axes(n), _upright=False,
+        _reach=np.inf if own[:, 2].any() else float(np.linalg.norm(own, axis=1).max()),
+    )  # fmt: skip
+    return out

@@ -1,0 +1,232 @@
+"""`Terrain`: ground that is not a plane: boxes, stairs, slopes, convex meshes and grids of heights, fixed to the world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import ABOVE_ZERO, Array, as_finite, check_number, locked
+from rbd.constraints.convex.convex_shapes import plane_kernel  # noqa: F401
+from rbd.constraints.terrain.pieces import Heights, Piece, Polytopes, piece_of
+from rbd.displayed import Displayed
+from rbd.errors import InputError
+from rbd.problem.cones import check_friction
+from rbd.problem.ground import Ground
+
+SUNK_M = 0.02
+"""A point that is less than this below a piece's top is on that piece; deeper, the next piece below counts [m]."""
+DEEP_M = 2.0
+"""How far boxes of stairs go below their first step [m]."""
+
+
+class Terrain(Displayed):
+    """Convex pieces fixed to the world, on which contacts stand: `on=` of a contact, `robot.feet`, `robot.soles`.
+
+    A contact touches each piece along that piece's own normal: a sole half over an edge rests on its part over the tread, a toe
+    beside a riser touches nothing. Pieces that meet at the same level are one surface: their seams have no contact points.
+
+    Attributes:
+        names: Of the pieces.
+        friction: Coulomb's coefficient of all contacts on it; None: each contact's own.
+
+    Args:
+        pieces: {name: `rbd.Ground` with a point, a half-space; a Coal shape (box, cylinder, convex mesh: its hull); or (shape,
+            pose in W as pin.SE3, 4 x 4, or a place (3,))}.
+        friction: Of all contacts on it.
+
+    Raises:
+        InputError: no pieces, round shapes, moving grounds, numbers that are not finite.
+
+    Example:
+        >>> terrain = rbd.Terrain.stairs(rise=0.1, depth=0.3, n=3)
+        >>> terrain.heights_of([[0.1, 0.0, 0.15], [0.7, 0.0, 0.15]]).round(3), terrain.ground_at(0.4, 0.0).point
+        (array([ 0.05, -0.15]), array([0.4, 0. , 0.2]))
+    """
+
+    def __init__(self, pieces: Mapping[str, object], friction: float | None = None) -> None:
+        if not isinstance(pieces, Mapping) or not pieces:
+            raise InputError(
+                f"the pieces of a terrain are {pieces!r:.80}; expected {{name: rbd.Ground(...) or (shape, pose)}}, or use "
+                "rbd.Terrain.boxes, .stairs, .heights, .mesh."
+            )
+        if friction is not None:
+            check_friction(friction, 4)
+        self.friction = None if friction is None else float(friction)
+        found = [piece_of(str(name), given) for name, given in pieces.items()]
+        self._fields = tuple(piece for piece in found if isinstance(piece, Heights))
+        self._pieces = [piece for piece in found if isinstance(piece, Piece)]
+        self._known: set[tuple[int, int, int]] = set()
+        self._arrays: Polytopes | None = None
+        self.names = tuple(str(name) for name in pieces)
+
+    @classmethod
+    def boxes(cls, *ends: Sequence[Sequence[float]] | Array, friction: float | None = None) -> Terrain:
+        """Boxes along W's axes.
+
+        Args:
+            ends: (lowest corner, highest corner) of each, shapes (3,) [m].
+            friction: As of the class.
+
+        Raises:
+            InputError: a box without size.
+
+        Example:
+            >>> rbd.Terrain.boxes([(-1, -1, -0.5), (0, 1, 0)], [(0, -1, -0.5), (1, 1, 0.1)]).names
+            ('box 0', 'box 1')
+        """
+        import coal
+
+        out: dict[str, object] = {}
+        for i, given in enumerate(ends):
+            low, high = as_finite(f"ends of box {i}", given, (2, 3))
+            if not (high > low).all():
+                raise InputError(f"box {i} goes from {low} to {high}; expected its lowest corner, then its highest.")
+            out[f"box {i}"] = coal.Box(*(high - low).tolist()), pin.SE3(np.eye(3), 0.5 * (low + high))
+        return cls(out, friction)
+
+    @classmethod
+    def stairs(
+        cls,
+        rise: float,
+        depth: float,
+        n: int,
+        *,
+        start: Sequence[float] = (0.0, 0.0, 0.0),
+        width: float = 2.0,
+        landing: float = 2.0,
+        down: bool = False,
+        friction: float | None = None,
+    ) -> Terrain:
+        """A floor and n steps up along x, with a landing behind the last one.
+
+        Args:
+            rise: Height of a step [m]; negative: down.
+            depth: Of a tread [m].
+            n: Number of steps.
+            start: The foot of the first riser, at the level of the floor, shape (3,) [m].
+            width: Along y, `start` in the middle [m].
+            landing: Length of the floor before the first step, and of the last step or of the floor behind [m].
+            down: Whether n - 1 more steps lead down again, to the floor.
+            friction: As of the class.
+
+        Raises:
+            InputError: sizes that are not positive.
+
+        Example:
+            >>> up_and_down = rbd.Terrain.stairs(0.1, 0.3, 3, down=True)
+            >>> [round(float(up_and_down.ground_at(x, 0.0).point[2]), 2) for x in (-0.1, 0.1, 0.4, 0.7, 1.0, 1.3, 1.6)]
+            [0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0]
+        """
+        x, y, z = as_finite("start of stairs", start, (3,)).tolist()
+        sizes = {"depth": depth, "width": width, "landing": landing}
+        depth, width, landing = (
+            check_number(f"{what} of stairs", s, ABOVE_ZERO, 1e4, expected="a length > 0 [m]") for what, s in sizes.items()
+        )
+        check_number("rise of stairs", rise, -10.0, 10.0, expected="a height [m]")
+        if not isinstance(n, int) or n < 1:
+            raise InputError(f"stairs have n = {n!r:.80} steps; expected a number >= 1.")
+        levels = [*range(1, n + 1), *(range(n - 1, -1, -1) if down else ())]
+        base = z + min(0.0, n * rise) - DEEP_M
+        out = [[(x - landing, y - width / 2, base), (x, y + width / 2, z)]]
+        for i, level in enumerate(levels):
+            far = x + i * depth + (landing if i == len(levels) - 1 else depth)
+            out.append([(x + i * depth, y - width / 2, base), (far, y + width / 2, z + level * rise)])
+        return cls.boxes(*out, friction=friction)
+
+    @classmethod
+    def heights(
+        cls, z: Array, spacing: float | Sequence[float], *, origin: Sequence[float] = (0.0, 0.0), friction: float | None = None
+    ) -> Terrain:
+        """A grid of heights: two triangles a cell.
+
+        Args:
+            z: Height at (x, y) = origin + spacing (i, j), shape (n, m) [m].
+            spacing: Along x and y [m], one number for both.
+            origin: Place of z[0, 0], shape (2,) [m].
+            friction: As of the class.
+
+        Raises:
+            InputError: heights that are not finite, fewer than two rows or columns.
+
+        Example:
+            >>> x = np.arange(5) * 0.25
+            >>> slope = rbd.Terrain.heights(np.repeat(0.2 * x[:, None], 3, axis=1), 0.25)
+            >>> slope.ground_at(0.3, 0.1).normal.round(3)
+            array([-0.196,  0.   ,  0.981])
+        """
+        return cls({"heights": Heights.of("heights", z, spacing, origin)}, friction)
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Its pieces, of a grid of heights those that were needed so far."""
+        return tuple(self._pieces)
+
+    def __str__(self) -> str:
+        friction = "each contact's own friction" if self.friction is None else f"friction {self.friction:g}"
+        shown = ", ".join(self.names[:6]) + (", ..." if len(self.names) > 6 else "")
+        return f"terrain of {len(self.names)} piece{'s' * (len(self.names) != 1)} ({shown}), {friction}"
+
+    def polytopes(self, low: Array, high: Array) -> Polytopes:
+        """All pieces as arrays, of grids of heights those that reach into a box of x and y.
+
+        Args:
+            low: Its lowest x and y [m].
+            high: Its highest.
+        """
+        for number, grid in enumerate(self._fields):
+            for i, j in grid.cells(low, high):
+                if (number, i, j) not in self._known:
+                    self._known.add((number, i, j))
+                    self._pieces += grid.prisms(i, j)
+                    self._arrays = None
+        if self._arrays is None:
+            self._arrays = Polytopes.of(self._pieces)
+        return self._arrays
+
+    def _solids(self) -> Iterable[Piece | Heights]:
+        grid = tuple(f"{field.name}[" for field in self._fields)
+        return [*(p for p in self._pieces if not (grid and p.name.startswith(grid))), *self._fields]
+
+    def heights_of(self, points: Array) -> Array:
+        """How far points are above the surface under them, along z, shape (...) [m]; inf where there is none.
+
+        The surface under a point is the highest top that is no more than 2 cm above it; if all are higher, the lowest one.
+
+        Args:
+            points: In W, shape (..., 3) [m].
+        """
+        P = np.asarray(points, float)
+        tops = np.array([solid.tops(P[..., :2]) for solid in self._solids()])
+        under = np.where(tops <= P[..., 2] + SUNK_M, tops, -np.inf).max(axis=0)
+        over = np.where(np.isneginf(tops), np.inf, tops).min(axis=0)
+        return np.asarray(P[..., 2] - np.where(np.isneginf(under) & np.isfinite(over), over, under))
+
+    def distances(self, points: Array) -> Array:
+        """Distances of points from the nearest piece, negative inside, shape (k,) [m].
+
+        Args:
+            points: In W, shape (k, 3) [m].
+        """
+        from rbd.constraints.terrain.on_terrain import nearest_gaps
+
+        return nearest_gaps(self, as_finite("points", points, ("k", 3)))
+
+    def ground_at(self, x: float, y: float) -> Ground:
+        """The plane of the highest top at (x, y).
+
+        Raises:
+            InputError: if there is no terrain at that place.
+        """
+        xy = as_finite("(x, y)", (x, y), (2,))
+        solids = list(self._solids())
+        tops = [float(solid.tops(xy[None])[0]) for solid in solids]
+        i = int(np.argmax(tops))
+        if not np.isfinite(tops[i]):
+            raise InputError(f"there is no terrain at x = {x:.4g}, y = {y:.4g} m.")
+        near = solids[i]
+        pieces = [near] if isinstance(near, Piece) else [p for cell in near.cells(xy, xy + 1e-9) for p in near.prisms(*cell)]
+        p = np.array([x, y, tops[i]])
+        best = min((abs(float(f[:3] @ p - f[3])), tuple(f[:3])) for piece in pieces for f in piece.faces if f[2] > 1e-9)
+        return Ground(point=p, normal=locked(np.array(best[1])))

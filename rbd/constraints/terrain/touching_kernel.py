@@ -1,0 +1,580 @@
+"""Compiled: contact points of flat plates with convex pieces of terrain.
+
+A plate is a point, an edge, or a convex polygon with the direction `up` out of the ground; a piece is a set of faces
+N x <= d, with its corners and edges, or a half-space. The normal n, out of the piece, is the one along which they are farthest
+apart,
+
+    s(n) = (lowest p . n of the plate) - (highest p . n of the piece)
+
+among the piece's faces, the plate's `up`, and the cross products of edges of both: the signed distance of what overlaps, and
+of what does not a lower bound of it. Along a face the points are the corners of the part of the plate that is over that face;
+along `up` those of the part of the piece that is under the plate; else the nearest pair. A plate has no upper side.
+
+`P` are the plate's corners, in W, in order.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.convex.polygons import SAME_M
+from rbd.kernels import COUNT, NUMBER, array, compiled, signature
+
+CORNER, CROSSING, UNDER, OTHER = 0, 1, 2, 3
+"""Kinds of points: a corner of the plate; its outline over an edge; a corner of the piece under it; the nearest pair."""
+ON_FACE, ON_PLATE, EDGES = 0, 1, 2
+"""Whose the normal is: a face's, the plate's, or that of two edges, which cross or are the nearest pair."""
+BESIDE = 0.5
+"""A corner whose normal has less than this along `up` touches with its side, as the wall of a step."""
+UPPER = -0.2
+"""A normal with less than this along `up` is against the plate's upper side, which touches nothing."""
+LEAN = 1e-3
+"""Faces with less than this along `up` are not under the plate."""
+SEAM_M, LIFT_M = 1e-6, 4e-6
+"""Pieces that meet within the first length are joined; a step from one to the next that is lower than the second is none."""
+NEAR_X = 0.9
+"""A normal with more than this along x has its tangents from y."""
+ALIKE = 1e-6
+"""Normals that differ by less are the same."""
+
+
+@compiled
+def _dot(a: Array, b: Array) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@compiled
+def _cross(a: Array, b: Array) -> Array:
+    out = np.empty(3)
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return out
+
+
+@compiled
+def _lowest(P: Array, n: Array) -> float:
+    least = np.inf
+    for p in P:
+        least = min(least, p[0] * n[0] + p[1] * n[1] + p[2] * n[2])
+    return least
+
+
+@compiled
+def _within(x: Array, faces: Array) -> float:
+    """The largest N x - d: negative inside."""
+    most = -np.inf
+    for f in faces:
+        most = max(most, f[0] * x[0] + f[1] * x[1] + f[2] * x[2] - f[3])
+    return most
+
+
+@compiled
+def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, normal: Array) -> tuple[float, int]:
+    """(separation, number of the face that gives the normal; -1: `up`, -2: edges that cross); writes the normal."""
+    best, carrier = -np.inf, -3
+    for f in range(len(faces)):
+        s = _lowest(P, faces[f]) - faces[f, 3]
+        if s > best + SAME_M or carrier == -3:
+            best, carrier = s, f
+            normal[:] = faces[f, :3]
+    k = len(P)
+    if len(vertices) == 0 or k == 1:
+        return best, carrier
+    if k > 2:
+        s = _lowest(P, up) + _lowest(vertices, -up)
+        if s > best + SAME_M:
+            best, carrier = s, -1
+            normal[:] = up
+    for i in range(1 if k == 2 else k):
+        e = P[(i + 1) % k] - P[i]
+        for d in dirs:
+            n = _cross(e, d)
+            size = math.sqrt(_dot(n, n))
+            if size < 1e-6 * math.sqrt(_dot(e, e)):
+                continue
+            n = n / size
+            for sign in (1.0, -1.0):
+                m = sign * n
+                s = _lowest(P, m) + _lowest(vertices, -m)
+                if s > best + SAME_M:
+                    best, carrier = s, -2
+                    normal[:] = m
+    return best, carrier
+
+
+@compiled
+def _put(k: int, x: Array, n: Array, gap: float, label: tuple[int, int, int], way: Array, out: tuple[Array, ...]) -> int:
+    """Adds a point to those of this piece, unless it is among them; the new number of points.
+
+    The piece's own points begin at `which[k, 4]`.
+    """
+    places, normals, gaps, which, ways = out
+    kind, i, j = label
+    first = which[k, 4]
+    for m in range(first, k):
+        if which[m, 0] == kind and which[m, 1] == i and which[m, 2] == j:
+            return k
+    if k + 1 >= len(gaps):
+        return k
+    places[k], normals[k], gaps[k], ways[k] = x, n, gap, way
+    which[k, 0], which[k, 1], which[k, 2] = kind, i, j
+    which[k + 1, 3], which[k + 1, 4] = which[k, 3], first
+    return k + 1
+
+
+@compiled
+def _clipped(x: Array, own: Array, count: int, m: Array, level: float) -> int:
+    """The part of a polygon of `count` corners x with m . x >= level, in place; their number."""
+    y, of = np.empty((count + 2, 3)), np.empty(count + 2, np.int64)
+    kept = 0
+    for i in range(count):
+        h = (i + 1) % count
+        s, t = _dot(m, x[i]) - level, _dot(m, x[h]) - level
+        if s >= -SAME_M:
+            y[kept], of[kept] = x[i], own[i]
+            kept += 1
+        if count > 1 and ((s > SAME_M and t < -SAME_M) or (s < -SAME_M and t > SAME_M)):
+            y[kept], of[kept] = x[i] + (s / (s - t)) * (x[h] - x[i]), -1
+            kept += 1
+    kept = min(kept, len(x))
+    x[:kept], own[:kept] = y[:kept], of[:kept]
+    return kept
+
+
+@compiled
+def _edge_of(x: Array, P: Array) -> int:
+    """The edge of an outline that is nearest to a point."""
+    best, found, k = np.inf, 0, len(P)
+    for i in range(k):
+        e, r = P[(i + 1) % k] - P[i], x - P[i]
+        t = min(max(_dot(e, r) / max(_dot(e, e), 1e-300), 0.0), 1.0)
+        away = r - t * e
+        if _dot(away, away) < best:
+            best, found = _dot(away, away), i
+    return found
+
+
+@compiled
+def _wall(n: Array, a: Array, b: Array) -> Array:
+    """Unit vector across an edge from a to b of a face with normal n, into the face."""
+    m = _cross(n, b - a)
+    return m / math.sqrt(max(_dot(m, m), 1e-300))
+
+
+@compiled
+def _over(k: int, P: Array, face: Array, loop: Array, vertices: Array, margin: float, out: tuple[Array, ...]) -> int:
+    """The part of a plate over a face: its corners, crossings of its outline with the face's edges, corners of the face."""
+    n, edges = face[:3].copy(), len(loop)
+    x, own, count = np.empty((len(P) + edges, 3)), np.empty(len(P) + edges, np.int64), len(P)
+    for i in range(count):
+        x[i], own[i] = P[i], i
+    for j in range(edges):
+        a = vertices[loop[j]]
+        m = _wall(n, a, vertices[loop[(j + 1) % edges]])
+        count = _clipped(x, own, count, m, _dot(m, a))
+    for i in range(count):
+        gap = _dot(n, x[i]) - face[3]
+        if gap > margin:
+            continue
+        if own[i] >= 0:
+            k = _put(k, x[i], n, gap, (CORNER, own[i], 0), n, out)
+            continue
+        one, two, way = -1, -1, n
+        for j in range(edges):
+            a = vertices[loop[j]]
+            m = _wall(n, a, vertices[loop[(j + 1) % edges]])
+            if abs(_dot(m, x[i]) - _dot(m, a)) < 10.0 * SAME_M:
+                one, two, way = j, one, m
+        if two >= 0:  # on two of its edges; the corner is the first of the later one, or of the first
+            at = one if one - two == 1 else 0
+            k = _put(k, x[i], n, gap, (UNDER, 0, loop[at]), n, out)
+        else:
+            k = _put(k, x[i], n, gap, (CROSSING, _edge_of(x[i], P), loop[max(one, 0)]), way, out)
+    return k
+
+
+@compiled
+def _under(
+    k: int,
+    P: Array,
+    up: Array,
+    faces: Array,
+    vertices: Array,
+    edges: Array,
+    margin: float,
+    out: tuple[Array, ...],
+) -> int:
+    """The part of a piece under a plate: its corners, its edges under the plate's outline; and corners of the plate over it."""
+    size, level, middle = len(P), _dot(up, P[0]), np.zeros(3)
+    for p in P:
+        middle = middle + p / size
+    for e in range(len(edges)):
+        if max(_dot(up, faces[edges[e, 2]]), _dot(up, faces[edges[e, 3]])) < LEAN:
+            continue
+        a, b = vertices[edges[e, 0]], vertices[edges[e, 1]]
+        low, high, first, last = 0.0, 1.0, -1, -1
+        for i in range(size):
+            m = _wall(up, P[i], P[(i + 1) % size])
+            if _dot(m, middle - P[i]) < 0.0:
+                m = -m
+            s, t = _dot(m, a - P[i]), _dot(m, b - P[i])
+            if s < -SAME_M and t < -SAME_M:
+                low = 2.0
+                break
+            if s < -SAME_M and t > SAME_M and s / (s - t) > low:
+                low, first = s / (s - t), i
+            elif s > SAME_M and t < -SAME_M and s / (s - t) < high:
+                high, last = s / (s - t), i
+        if low > high:
+            continue
+        for share, outline, end in ((low, first, edges[e, 0]), (high, last, edges[e, 1])):
+            x = a + share * (b - a)
+            gap = level - _dot(up, x)
+            if gap <= margin:
+                label = (UNDER, 0, end) if outline < 0 else (CROSSING, outline, edges[e, 0] + len(vertices) * edges[e, 1])
+                k = _put(k, x + gap * up, up, gap, label, b - a, out)
+    for i in range(size):  # where the line down from a corner enters the piece
+        enters, leaves = -np.inf, np.inf
+        for f in faces:
+            lean, s = _dot(up, f), _dot(f, P[i]) - f[3]
+            if lean > LEAN:
+                enters = max(enters, s / lean)
+            elif lean < -LEAN:
+                leaves = min(leaves, s / lean)
+            elif s > SAME_M:
+                leaves = -np.inf
+        if enters <= leaves and enters <= margin:
+            k = _put(k, P[i], up, enters, (CORNER, i, 0), up, out)
+    return k
+
+
+@compiled
+def _ends(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
+    """Shares along a to b and along c to d of the points that are nearest to each other; an end may be both of one."""
+    u, v, r = b - a, d - c, a - c
+    uu, vv, uv, ur, vr = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, r), _dot(v, r)
+    det = uu * vv - uv * uv
+    s = min(max((uv * vr - vv * ur) / det, 0.0), 1.0) if det > 1e-12 * uu * vv and det > 0.0 else 0.0
+    t = (uv * s + vr) / vv if vv > 0.0 else 0.0
+    if t < 0.0 or t > 1.0:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((uv * t - ur) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
+    return s, t
+
+
+@compiled
+def _nearest(
+    k: int, P: Array, vertices: Array, edges: Array, best: float, n: Array, margin: float, out: tuple[Array, ...]
+) -> int:
+    """The nearest points of an outline and a piece's edges: apart, or crossing along a normal n with a distance `best`."""
+    size, least = len(P), np.inf
+    one, other, i_at, e_at = np.zeros(3), np.zeros(3), 0, 0
+    for i in range(1 if size < 3 else size):
+        a, b = P[i], P[(i + 1) % size]
+        for e in range(len(edges)):
+            c, d = vertices[edges[e, 0]], vertices[edges[e, 1]]
+            s, t = _ends(a, b, c, d)
+            p, q = a + s * (b - a), c + t * (d - c)
+            away = _dot(p - q, p - q)
+            if away < least:
+                least, one, other, i_at, e_at = away, p, q, i, e
+    gap, label = best, (OTHER, i_at, edges[e_at, 0] + len(vertices) * edges[e_at, 1])
+    if best > SAME_M:
+        gap = math.sqrt(least)
+        n = (one - other) / gap
+    way = vertices[edges[e_at, 1]] - vertices[edges[e_at, 0]]
+    return _put(k, one, n, gap, label, way, out) if gap <= margin else k
+
+
+@compiled
+def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: float, out: tuple[Array, ...]) -> int:
+    """Adds the points of a plate with one piece; their number."""
+    faces, vertices, edges, loops, starts, dirs = piece
+    n, size = np.empty(3), len(P)
+    best, carrier = _parted(P, up, faces, vertices, dirs, n)
+    if best > margin or (size > 2 and _dot(n, up) < UPPER):
+        return k
+    before, how = k, ON_FACE
+    if carrier >= 0:
+        k = _over(k, P, faces[carrier], loops[starts[carrier] : starts[carrier + 1]], vertices, margin, out)
+    elif carrier == -1:
+        how = ON_PLATE
+        k = _under(k, P, up, faces, vertices, edges, margin, out)
+    if k == before and len(edges):
+        how = EDGES
+        k = _nearest(k, P, vertices, edges, best, n, margin, out)
+        if k > before and size > 2 and _dot(out[1][k - 1], up) < UPPER:
+            k = before
+    for m in range(before, k):
+        out[3][m, 4] = how
+    return k
+
+
+def _touching(
+    plates: Array,
+    at: Array,
+    ups: Array,
+    margin: float,
+    boxes: Array,
+    faces: Array,
+    vertices: Array,
+    edges: Array,
+    loops: Array,
+    loop_at: Array,
+    dirs: Array,
+    begins: Array,
+    places: Array,
+    normals: Array,
+    gaps: Array,
+    which: Array,
+    ways: Array,
+) -> int:
+    """The points of plates with all pieces that are nearer than a margin; how many, or -1 if there is no room for them.
+
+    Args:
+        plates: Corners of all plates, shape (k, 3) [m].
+        at: Where those of each begin, and k, shape (plates + 1,).
+        ups: Out of the ground, shape (plates, 3).
+        margin: [m].
+        boxes: Lowest and highest x, y, z of each piece, shape (pieces, 6).
+        faces: (N, d) of all pieces, shape (f, 4).
+        vertices: Their corners, shape (v, 3).
+        edges: Of each edge the two corners and the two faces, by numbers within the piece, shape (e, 4).
+        loops: Corners of each face in order, seen from outside counterclockwise, by numbers within the piece.
+        loop_at: Where those of each face begin, shape (f + 1,).
+        dirs: The different directions of edges, shape (d, 3).
+        begins: Where faces, corners, edges and directions of each piece begin, shape (pieces + 1, 4).
+        places: Written: points, on the plate, shape (most, 3).
+        normals: Written: shape (most, 3).
+        gaps: Written: shape (most,).
+        which: Written: kind, two numbers, piece, `ON_FACE`, `ON_PLATE` or `EDGES`, plate, shape (most, 6).
+        ways: Written: of an outline over an edge, across that edge on a face, else along it, shape (most, 3).
+    """
+    k, out = 0, (places, normals, gaps, which, ways)
+    low, high = np.empty(3), np.empty(3)
+    for plate in range(len(ups)):
+        P, up, begin = plates[at[plate] : at[plate + 1]], ups[plate], k
+        for c in range(3):
+            low[c], high[c] = np.inf, -np.inf
+            for p in P:
+                low[c], high[c] = min(low[c], p[c] - margin), max(high[c], p[c] + margin)
+        for i in range(len(boxes)):
+            box = boxes[i]
+            if (
+                box[0] > high[0] or box[1] > high[1] or box[2] > high[2]
+                or box[3] < low[0] or box[4] < low[1] or box[5] < low[2]
+            ):  # fmt: skip
+                continue
+            f, v, e, d = begins[i]
+            f_end, v_end, e_end, d_end = begins[i + 1]
+            piece = (faces[f:f_end], vertices[v:v_end], edges[e:e_end], loops, loop_at[f : f_end + 1], dirs[d:d_end])
+            which[k, 3], which[k, 4] = i, k
+            k = _on_piece(k, P, up, piece, margin, out)
+            if k + 1 >= len(gaps):
+                return -1
+        k = _joined(begin, k, up, len(P), faces, begins, out)
+        for m in range(begin, k):
+            which[m, 5] = plate
+    return k
+
+
+@compiled
+def _joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, out: tuple[Array, ...]) -> int:
+    """Drops points of one plate that are inside the surface that its pieces have together; their number.
+
+    A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there.
+    """
+    places, normals, gaps, which, ways = out
+    dropped, firsts, pieces = np.zeros(end - begin, np.bool_), np.empty(end - begin + 1, np.int64), 0
+    for m in range(begin, end):
+        if m == begin or which[m, 3] != which[m - 1, 3]:
+            firsts[pieces] = m
+            pieces += 1
+    firsts[pieces] = end
+    for m in range(begin, end):
+        b = which[m, 3]
+        x, own = places[m] - gaps[m] * normals[m], faces[begins[b, 0] : begins[b + 1, 0]]
+        for i in range(pieces):
+            h = firsts[i]
+            a, turned = which[h, 3], normals[h] - normals[m]
+            if a == b:
+                continue
+            alike = _dot(turned, turned) < ALIKE * ALIKE
+            others = faces[begins[a, 0] : begins[a + 1, 0]]
+            if alike and which[m, 0] == CORNER:  # one corner over two pieces that meet, or one above the other: the higher one
+                for c in range(h, firsts[i + 1]):
+                    if which[c, 0] == CORNER and which[c, 1] == which[m, 1] and not dropped[c - begin]:
+                        level = gaps[c] - gaps[m]
+                        dropped[m - begin] |= level < -SAME_M or (level < SAME_M and c < m)
+            if dropped[m - begin]:
+                break
+            if _within(x, others) > SEAM_M:
+                continue
+            out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]
+            if _within(out_of_b, others) <= SEAM_M and _within(out_of_b + out_of_a, others) <= SEAM_M:
+                dropped[m - begin] = True  # A goes on where B ends
+            elif not alike:
+                dropped[m - begin] = _within(x + out_of_a, own) > SEAM_M
+            elif which[m, 0] != CORNER:
+                flat = size > 2 and _is_face(normals[m], own) and _is_face(normals[m], others)
+                dropped[m - begin] = flat or _is_there(places[m], h, min(m, firsts[i + 1]), begin, places, dropped)
+            if dropped[m - begin]:
+                break
+    kept = begin
+    for m in range(begin, end):
+        if not dropped[m - begin]:
+            if kept != m:
+                places[kept], normals[kept], gaps[kept] = places[m], normals[m], gaps[m]
+                which[kept], ways[kept] = which[m], ways[m]
+            kept += 1
+    return kept
+
+
+@compiled
+def _is_there(x: Array, first: int, last: int, begin: int, places: Array, dropped: Array) -> bool:
+    """Whether a point from `first` to `last` that is kept is at x."""
+    for c in range(first, last):
+        r = places[c] - x
+        if not dropped[c - begin] and _dot(r, r) < SEAM_M * SEAM_M:
+            return True
+    return False
+
+
+@compiled
+def _is_face(n: Array, faces: Array) -> bool:
+    for f in faces:
+        if abs(f[0] - n[0]) + abs(f[1] - n[1]) + abs(f[2] - n[2]) < ALIKE:
+            return True
+    return False
+
+
+touching = compiled(
+    _touching,
+    signature(
+        COUNT, array(2), array(1, COUNT), array(2), NUMBER, array(2), array(2), array(2), array(2, COUNT), array(1, COUNT),
+        array(1, COUNT), array(2), array(2, COUNT), array(2, written=True), array(2, written=True), array(1, written=True),
+        array(2, COUNT, written=True), array(2, written=True),
+    ),
+)  # fmt: skip
+
+
+@compiled
+def _axes(n: Array, dn: Array, x: Array, R: Array, dR: Array) -> None:
+    """Contact axes of a normal and a direction, as `rbd.constraints.surface.contact_axes`, and their rates for one of n, dn."""
+    t = x - _dot(x, n) * n
+    if _dot(t, t) < 0.01:
+        x = np.zeros(3)
+        x[0 if abs(n[0]) < NEAR_X else 1] = 1.0
+    t = x - _dot(x, n) * n
+    size = math.sqrt(_dot(t, t))
+    t, dt = t / size, (-_dot(x, dn) * n - _dot(x, n) * dn) / size
+    dt = dt - _dot(t, dt) * t
+    R[:, 0], R[:, 1], R[:, 2] = t, _cross(n, t), n
+    dR[:, 0], dR[:, 1], dR[:, 2] = dt, _cross(dn, t) + _cross(n, dt), dn
+
+
+def _rows(
+    places: Array,
+    normals: Array,
+    which: Array,
+    ways: Array,
+    body: Array,
+    carries: Array,
+    J_W: Array,
+    v: Array,
+    plates: Array,
+    at: Array,
+    ups: Array,
+    alongs: Array,
+    gaps: Array,
+    axes: Array,
+    J: Array,
+    velocity: Array,
+    bias: Array,
+) -> None:
+    """Rows of k points, three each, in contact axes; their normal is still on a face and turns with a plate or its edge.
+
+        J = (d, P x d) J_W        velocity = J v        bias = d . (a_P + w x u) + d' . v_P
+
+    u is how fast the contact point moves over the plate: that over a corner of the piece stays over it; the crossing of an
+    outline along e with an edge moves along both. The gap's rate is the normal velocity where plate and face are parallel, as
+    they are where both touch; elsewhere it is off by their angle times the sliding speed. Of the nearest pair apart, u and d'
+    are those of edges that cross.
+
+    Args:
+        places: Of the points, shape (k, 3), as `touching` left them with the next three.
+        normals: Shape (k, 3).
+        which: Shape (k, 6).
+        ways: Shape (k, 3).
+        body: The body of each plate, shape (plates,).
+        carries: Which coordinates move each body, shape (bodies, nv).
+        J_W: The joints' Jacobian at W's origin over its rate, shape (12, nv).
+        v: Shape (nv,).
+        plates: Corners of the plates, shape (c, 3).
+        at: Where those of each begin.
+        ups: Shape (plates, 3).
+        alongs: A direction in W for the first tangent of each plate, shape (plates, 3).
+        gaps: Of the points, shape (k,).
+        axes: Written: R_WC, shape (k, 3, 3).
+        J: Written: shape (3 k, nv).
+        velocity: Written: shape (3 k,).
+        bias: Written.
+    """
+    nv = len(v)
+    moving, turning = np.zeros((len(carries), 12)), np.empty((3, 3))
+    for b in range(len(carries)):
+        for c in range(nv):
+            if carries[b, c] and v[c] != 0.0:
+                moving[b] += J_W[:, c] * v[c]
+    for k in range(len(places)):
+        plate, P, n = which[k, 5], places[k], normals[k]
+        b = body[plate]
+        w, A = moving[b, 3:6], moving[b, 6:]
+        v_P = moving[b, :3] + _cross(w, P)
+        a = A[:3] + _cross(A[3:], P) + _cross(w, v_P)
+        u, dn, kind, first, size = np.zeros(3), np.zeros(3), which[k, 0], at[plate], at[plate + 1] - at[plate]
+        i, way = which[k, 1], ways[k]
+        e = plates[first + (i + 1) % size] - plates[first + i]
+        if which[k, 4] == ON_PLATE:
+            dn = _cross(w, n)
+        if kind == UNDER:
+            up = ups[plate]
+            u = (_dot(up, v_P) / _dot(up, n)) * n + gaps[k] * dn - v_P
+        elif kind == CROSSING and which[k, 4] == ON_PLATE:
+            m = _cross(n, e)
+            rate = _dot(m, v_P - gaps[k] * dn) / _dot(m, way)
+            u = rate * way + (_dot(n, v_P) - rate * _dot(n, way)) * n + gaps[k] * dn - v_P
+        elif kind == CROSSING:
+            u = (-_dot(way, v_P) / _dot(way, e)) * e
+        elif kind == OTHER:
+            both = _cross(e, way)
+            sine = _dot(both, n)
+            if sine * sine > 1e-6 * _dot(e, e) * _dot(way, way):
+                u = (-_dot(_cross(v_P, way), n) / sine) * e
+                dn = _cross(_cross(w, e), way) / sine
+                dn = dn - _dot(dn, n) * n
+        a = a + _cross(w, u)
+        _axes(n, dn, alongs[plate], axes[k], turning)
+        for c in range(3):
+            d = axes[k, :, c].copy()
+            turn, row = _cross(P, d), 3 * k + c
+            for x in range(nv):
+                J[row, x] = 0.0
+                if carries[b, x]:
+                    J[row, x] = (
+                        d[0] * J_W[0, x] + d[1] * J_W[1, x] + d[2] * J_W[2, x]
+                        + turn[0] * J_W[3, x] + turn[1] * J_W[4, x] + turn[2] * J_W[5, x]
+                    )  # fmt: skip
+            velocity[row], bias[row] = _dot(d, v_P), _dot(d, a) + _dot(turning[:, c], v_P)
+
+
+rows = compiled(
+    _rows,
+    signature(
+        None, array(2), array(2), array(2, COUNT), array(2), array(1, COUNT), array(2), array(2), array(1), array(2),
+        array(1, COUNT), array(2), array(2), array(1), array(3, written=True), array(2, written=True),
+        array(1, written=True), array(1, written=True),
+    ),
+)  # fmt: skip

@@ -1,0 +1,238 @@
+"""Terrain of convex pieces: its surface, and what contacts touch on it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.arrays import Array
+from rbd.constraints.terrain.on_terrain import OnTerrain, Touches
+from rbd.control import ComTask, PostureTask, WholeBodyController
+from rbd.simulation.ground_dynamics import GroundDynamics
+
+BOX = rbd.testing.box(mass=10.0)
+TALOS = rbd.load_robot("talos")
+UP = np.array([0.0, 0.0, 1.0])
+SOLE = np.array([[0.12, 0.06, 0.0], [0.12, -0.06, 0.0], [-0.12, -0.06, 0.0], [-0.12, 0.06, 0.0]])
+
+
+def touched(terrain: rbd.Terrain, corners: Array, up: Array = UP) -> Touches:
+    return Touches(terrain, np.ascontiguousarray(corners, float), np.array([0, len(corners)]), np.array(up)[None].copy(), 0.05)
+
+
+def on_box(q: Any, terrain: rbd.Terrain, **given: Any) -> tuple[rbd.State, rbd.SurfaceContact]:
+    face = rbd.SurfaceContact("face", "box", on=terrain, **{"half_lengths": (0.2, 0.1), "friction": 0.6, **given})
+    return rbd.State(BOX, q), face
+
+
+def test_surface():
+    """Heights, distances and planes of boxes, a slope and a grid of heights are those of the formulas."""
+    stairs = rbd.Terrain.stairs(0.1, 0.3, 3)
+    points = np.array(
+        [[-0.5, 0.0, 0.1], [0.1, 0.0, 0.25], [0.7, 0.0, 0.35], [0.7, 0.0, 0.29], [0.7, 0.0, 0.1], [9.0, 0.0, 0.0]]
+    )
+    np.testing.assert_allclose(stairs.heights_of(points), [0.1, 0.15, 0.05, -0.01, -0.2, np.inf], atol=1e-14)
+    np.testing.assert_allclose(
+        stairs.distances(np.array([[-0.3, 0.0, 0.1], [-0.03, 0.0, 0.14], [-0.05, 0.0, 0.06], [0.7, 0.0, 0.26]])),
+        [0.1, 0.05, 0.05, -0.04], atol=1e-14,
+    )  # fmt: skip
+    x = np.arange(8) * 0.25
+    y = np.arange(5) * 0.25
+    slope = rbd.Terrain.heights(0.3 * x[:, None] - 0.1 * y, 0.25)
+    n = np.array([-0.3, 0.1, 1.0]) / np.sqrt(1.1)
+    np.testing.assert_allclose(slope.ground_at(0.33, 0.51).normal, n, atol=1e-14)
+    np.testing.assert_allclose(slope.heights_of([[0.33, 0.51, 1.0]]), 1.0 - 0.3 * 0.33 + 0.1 * 0.51, atol=1e-14)
+    p = np.array([0.8, 0.4, 0.24 - 0.04]) + 0.07 * n
+    np.testing.assert_allclose(slope.distances(p[None]), 0.07, atol=1e-14)
+    floor = rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0.2), normal=(0.6, 0.0, 0.8))})
+    np.testing.assert_allclose(floor.distances(np.array([[0.0, 0.0, 1.2]])), 0.8, atol=1e-14)
+
+
+def test_sole_over_an_edge():
+    """Its points are the corners over the tread and the crossings of its outline with the tread's edges."""
+    stairs = rbd.Terrain.stairs(0.1, 0.3, 3)
+    over = touched(stairs, SOLE + [0.0, 0.0, 0.1])
+    np.testing.assert_allclose(sorted(over.places[:, 0]), [0.0, 0.0, 0.12, 0.12], atol=1e-15)
+    assert (over.normals == UP).all()
+    np.testing.assert_allclose(over.gaps, 0.0, atol=1e-15)
+    # a toe a centimetre before a riser is no penetration; at the riser it touches two pieces
+    for away, count in ((0.01, 4), (0.0, 6)):
+        beside = touched(stairs, SOLE + [-0.12 - away, 0.0, 0.0])
+        assert np.count_nonzero(beside.gaps <= 1e-12) == count
+        np.testing.assert_allclose(beside.gaps[beside.normals[:, 0] == -1.0], away, atol=1e-15)
+        assert beside.gaps.min() >= 0.0
+
+
+def test_seams_are_not_there():
+    """On level boxes side by side, and on the prisms of a slope, a sole has its four corners and nothing else."""
+    level = rbd.Terrain.boxes(*[((0.1 * k, -1, -0.5), (0.1 * (k + 1), 1, 0.0)) for k in range(20)])
+    x = np.arange(20) * 0.1
+    slope = rbd.Terrain.heights(np.repeat(0.2 * x[:, None], 20, axis=1), 0.1)
+    n = np.array([-0.2, 0.0, 1.0]) / np.sqrt(1.04)
+    R = np.column_stack([np.cross(UP * 0 + [0, 1, 0], n), [0.0, 1.0, 0.0], n])
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        turn = pin.rpy.rpyToMatrix(0.0, 0.0, rng.uniform(-3.0, 3.0))
+        x, y = rng.uniform(0.5, 1.2, 2)
+        for found in (
+            touched(level, SOLE @ turn.T + [x, 0.0, 0.0]),
+            touched(slope, SOLE @ (R @ turn).T + [x, y, 0.2 * x], n),
+        ):
+            assert found.which[:, 0].tolist() == [0] * 4
+            np.testing.assert_allclose(found.gaps, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_touching_random_boxes(seed):
+    """A sole that comes down on random boxes touches where a dense sampling of it does, and nothing of it is inside above."""
+    rng = np.random.default_rng(seed)
+    g = np.linspace(-1.0, 1.0, 41)
+    samples = np.stack(np.meshgrid(0.12 * g, 0.06 * g, [0.0], indexing="ij"), -1).reshape(-1, 3)
+    checked = 0
+    for _ in range(150):
+        pieces = {}
+        for i in range(rng.integers(1, 4)):
+            turn = rng.uniform(-0.3, 0.3, 3) if rng.random() < 0.5 else [0.0, 0.0, rng.uniform(-3.0, 3.0)]
+            X = pin.SE3(pin.rpy.rpyToMatrix(*turn), rng.uniform(-0.3, 0.3, 3) * [1.0, 1.0, 0.2])
+            pieces[str(i)] = coal.Box(*rng.uniform(0.1, 0.6, 3)), X
+        terrain = rbd.Terrain(pieces)
+        R = pin.rpy.rpyToMatrix(*(rng.uniform(-0.3, 0.3, 3) if rng.random() < 0.7 else (0.0, 0.0, rng.uniform(-3.0, 3.0))))
+        up, start = R[:, 2].copy(), np.array([*rng.uniform(-0.2, 0.2, 2), 2.0])
+        falls = np.inf  # where the line down from a sample enters a box
+        for piece in terrain.pieces:
+            lean, s = piece.faces[:, :3] @ up, (samples @ R.T + start) @ piece.faces[:, :3].T - piece.faces[:, 3]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = s / lean
+            enters, leaves = np.where(lean > 1e-9, t, -np.inf).max(axis=1), np.where(lean < -1e-9, t, np.inf).min(axis=1)
+            hit = (enters <= leaves) & ~((np.abs(lean) <= 1e-9) & (s > 0.0)).any(axis=1)
+            falls = min(falls, enters[hit].min(initial=np.inf))
+        if not np.isfinite(falls):
+            continue
+        checked += 1
+        P = SOLE @ R.T + start - falls * up
+        assert -0.02 < touched(terrain, P, up).gaps.min(initial=np.inf) < 1e-9  # 0.02: between two samples an edge is higher
+        low, high = 0.0, 0.02
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            apart = touched(terrain, P + middle * up, up).gaps.min(initial=np.inf) >= 0.0
+            low, high = (low, middle) if apart else (middle, high)
+        lifted = samples @ R.T + start + (high - falls) * up
+        assert min(piece.depths(lifted).min() for piece in terrain.pieces) > -1e-9
+    assert checked > 50
+
+
+def test_rates():
+    """J_dot v is the derivative of J v along the motion, also of crossings and of what is under a sole: they wander over it."""
+    terrain = rbd.Terrain.boxes([(-1, -1, -0.5), (0, 0.03, 0.0)], [(-1, 0.2, -0.5), (0, 1, -0.02)])
+    rng, h, met = np.random.default_rng(1), 1e-6, set[tuple[str, int]]()
+    source = on_box([0, 0, 0, 0, 0, 0, 1], terrain)[1].source(rbd.State(BOX, [0, 0, 0, 0, 0, 0, 1]))
+    assert isinstance(source, OnTerrain)
+    for _ in range(60):
+        turn = pin.Quaternion(pin.rpy.rpyToMatrix(*rng.uniform(-0.3, 0.3, 2), rng.uniform(-3.0, 3.0))).coeffs()
+        q, v = np.concatenate([[-0.03, 0.01, rng.uniform(0.0, 0.02)], turn]), rng.normal(size=6)
+        found = []
+        for t in (-h, 0.0, h):
+            state = rbd.State(BOX, pin.integrate(BOX.model, q, t * v), v)
+            m, which = source.at(state, 0.0), source.touches(state)[0].which
+            parts = zip(m.structure.numbers, which, m.velocity.reshape(-1, 3), m.bias.reshape(-1, 3), strict=True)
+            found.append({(n, w[4]): (velocity, bias) for n, w, velocity, bias in parts})
+        before, now, after = found
+        for key in now.keys() & before.keys() & after.keys():
+            if "nearest" in source.label(key[0]):
+                continue
+            met.add((source.label(key[0]).split()[0], int(key[1])))
+            np.testing.assert_allclose((after[key][0] - before[key][0]) / (2.0 * h), now[key][1], atol=1e-6)
+    assert met >= {("corner", 0), ("outline", 0), ("under", 0), ("outline", 1), ("under", 1)}
+
+
+def test_rows_of_an_overhang_are_those_of_the_cut_sole():
+    """`hold` over an edge has the torques of the sole cut there, and refuses where the edge passes the centre of mass."""
+    state, flat = TALOS.standing(), TALOS.soles(friction=0.7)
+    front = max((state.frame(s.frame).X_WF * s.placement).act(c)[0] for s in flat for c in s.corners)
+    for over in (0.03, 0.08, 0.15):
+        edge = front - over
+        feet = TALOS.soles(friction=0.7, on=rbd.Terrain.boxes([(-2, -1, -0.5), (edge, 1, 0.0)]))
+        cut = [
+            rbd.SurfaceContact(
+                s.name, s.frame, placement=s.placement, friction=0.7,
+                corners=np.where(s.corners > 0.09, 0.097 - over, s.corners),
+            )
+            for s in flat
+        ]  # fmt: skip
+        if over == 0.15:
+            for contacts in (feet, cut):
+                with pytest.raises(rbd.CannotHold, match="centre of mass"):
+                    rbd.hold(state, contacts)
+            continue
+        there, known = rbd.hold(state, feet), rbd.hold(state, cut)
+        np.testing.assert_allclose(there.tau, known.tau, atol=1e-9)
+        for name, force in there.forces.items():
+            np.testing.assert_allclose(force, known.forces[name], atol=1e-9)
+
+
+def test_standing_over_an_edge():
+    """With 3 cm of its soles over an edge Talos stands without an event, and the controller counts the soles as whole."""
+    state = TALOS.standing()
+    front = max((state.frame(s.frame).X_WF * s.placement).act(c)[0] for s in TALOS.soles() for c in s.corners)
+    feet = TALOS.soles(friction=0.7, on=rbd.Terrain.boxes([(-2, -1, -0.5), (front - 0.03, 1, 0.0)]))
+    controller = WholeBodyController([ComTask(state.com, cost=100.0), PostureTask(state.q, cost=0.05, gain=40.0)], feet)
+    stood = rbd.simulate(state, feet, duration=0.1, step=2e-3, controller=controller, progress=False)
+    assert not stood.events
+    assert np.abs(stood.com - stood.com[0]).max() < 1e-6
+    assert stood.residuals["penetration"].max() < 1e-12
+    assert "partial" not in str(controller) and "not all of it" not in str(controller)
+
+
+def test_one_tread_is_the_ground(monkeypatch):
+    """A box that falls, tips and slides on one box of terrain moves as on the plane of its top, to rounding."""
+    tread = rbd.Terrain.boxes([(-3, -3, -1), (3, 3, 0.05)])
+    q = np.concatenate([[0.0, 0.0, 0.08], pin.Quaternion(pin.rpy.rpyToMatrix(0.03, 0.05, 0.4)).coeffs()])
+    v = np.array([0.5, 0.0, -0.3, 0.1, 0.2, 0.0])
+    monkeypatch.setattr(GroundDynamics, "of", lambda *given: None)  # the same way of stepping
+    runs = [
+        rbd.simulate(
+            rbd.State(BOX, q, v), [rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.1), friction=0.4, on=on)],
+            duration=0.5, step=2e-3, progress=False,
+        )
+        for on in (tread, rbd.Ground(point=(0, 0, 0.05)))
+    ]  # fmt: skip
+    assert len(runs[0].events) == len(runs[1].events) > 3
+    np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-12)
+
+
+def test_friction_is_that_of_the_terrain():
+    """A terrain with a coefficient gives it to all contacts on it; another one is refused."""
+    icy = rbd.Terrain.boxes([(-1, -1, -1), (1, 1, 0)], friction=0.05)
+    state, face = on_box([0, 0, 0, 0, 0, 0, 1], icy)
+    assert face.friction == 0.05
+    with pytest.raises(rbd.InputError, match="its terrain's, 0.05"):
+        face.with_friction(0.5)
+    push = rbd.ExternalForce("box", (20.0, 0.0, 0.0))
+    assert rbd.solve(state, [], [face], external=[push]).forces["face"][0] == pytest.approx(-0.05 * 98.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: rbd.Terrain({}), "pieces of a terrain"),
+        (lambda: rbd.Terrain({"a": 3.0}), "'a' of a terrain is 3.0"),
+        (lambda: rbd.Terrain({"a": coal.Sphere(0.1)}), "Sphere"),
+        (lambda: rbd.Terrain({"a": (coal.Box(1, 1, 1), np.eye(3))}), "4 x 4"),
+        (lambda: rbd.Terrain({"a": rbd.Ground(normal=(0, 0, 1))}), "with a point"),
+        (lambda: rbd.Terrain.boxes([(0, 0, 0), (1, 0, 1)]), "lowest corner"),
+        (lambda: rbd.Terrain.stairs(0.1, -0.3, 3), "depth of stairs"),
+        (lambda: rbd.Terrain.stairs(0.1, 0.3, 0), "n = 0"),
+        (lambda: rbd.Terrain.heights(np.array([[0.0, np.nan], [0.0, 0.0]]), 0.1), "not finite"),
+        (lambda: rbd.Terrain.heights(np.zeros((1, 4)), 0.1), "two rows"),
+        (lambda: rbd.Terrain.boxes([(0, 0, 0), (1, 1, 1)], friction=-0.1), "friction"),
+        (lambda: rbd.Terrain.boxes([(0, 0, 0), (1, 1, 1)]).ground_at(4.0, 0.0), "no terrain at x = 4"),
+    ],
+)
+def test_what_is_refused(make, says):
+    with pytest.raises(rbd.InputError, match=says):
+        make()
