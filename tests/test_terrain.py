@@ -11,7 +11,8 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.constraints.terrain.on_terrain import OnTerrain, Touches
+from rbd.constraints.terrain.on_terrain import OnTerrain
+from rbd.constraints.terrain.touches import Touches
 from rbd.control import ComTask, PostureTask, WholeBodyController
 from rbd.simulation.ground_dynamics import GroundDynamics
 
@@ -22,7 +23,9 @@ SOLE = np.array([[0.12, 0.06, 0.0], [0.12, -0.06, 0.0], [-0.12, -0.06, 0.0], [-0
 
 
 def touched(terrain: rbd.Terrain, corners: Array, up: Array = UP) -> Touches:
-    return Touches(terrain, np.ascontiguousarray(corners, float), np.array([0, len(corners)]), np.array(up)[None].copy(), 0.05)
+    return Touches(
+        terrain.polytopes, np.ascontiguousarray(corners, float), np.array([0, len(corners)]), np.array(up)[None].copy(), 0.05
+    )
 
 
 def on_box(q: Any, terrain: rbd.Terrain, **given: Any) -> tuple[rbd.State, rbd.SurfaceContact]:

@@ -3,54 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
-from rbd.constraints.terrain.terrain import Terrain
+from rbd.constraints.terrain.touches import Touches, kernel
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative
 
 UP = np.array([0.0, 0.0, 1.0])
 _KINDS = ("corner {} beside", "outline {} over", "under it,", "outline {} nearest to")
-_ROOM = 64
-"""Points of one plate for which there is room at first."""
 _KEY = [0, 1, 2, 3, 5]
 _MOST_STRUCTURES = 1000
 """Number of cached sets of points; a sole that slides over many pieces can have a new one at every step."""
-
-
-class Touches:
-    """What plates touch at one state: k points.
-
-    Attributes:
-        places: On the plates, in W, shape (k, 3) [m].
-        normals: Out of the terrain, shape (k, 3).
-        gaps: Along them, shape (k,) [m].
-        which: Kind, two numbers, piece, - and plate of each, shape (k, 6); see `touching_kernel`.
-    """
-
-    __slots__ = ("gaps", "normals", "places", "plates", "ups", "ways", "which")
-
-    def __init__(self, terrain: Terrain, plates: Array, at: Array, ups: Array, margin: float) -> None:
-        low, high = plates.min(axis=0) - margin, plates.max(axis=0) + margin
-        arrays, most, k = terrain.polytopes(low, high), _ROOM * len(ups), -1
-        while k < 0:  # where many pieces are near, with more room
-            places, normals, ways = np.empty((3, most, 3))
-            gaps, which, most = np.empty(most), np.zeros((most, 6), int), 4 * most
-            k = _kernel().touching(plates, at, ups, margin, *arrays, places, normals, gaps, which, ways)
-        self.places, self.normals, self.gaps, self.which, self.ways = (x[:k] for x in (places, normals, gaps, which, ways))
-        self.plates, self.ups = plates, ups
-
-
-def nearest_gaps(terrain: Terrain, points: Array) -> Array:
-    """Signed distances of points from the nearest piece, shape (k,) [m]."""
-    at, ups = np.arange(2), np.array([[0.0, 0.0, 1.0]])
-    return np.array([Touches(terrain, p[None], at, ups, 1e6).gaps.min(initial=np.inf) for p in points])
 
 
 class OnTerrain:
@@ -63,7 +30,7 @@ class OnTerrain:
 
     def __init__(self, contacts: Sequence[Any], start: State) -> None:
         self.contacts, self._robot = tuple(contacts), start.robot
-        self.terrain: Terrain = contacts[0].on
+        self.terrain = contacts[0].on
         sites = [self._robot.site(c.frame) for c in contacts]
         self.placements = [X_JF * c.placement for c, (_, X_JF) in zip(contacts, sites, strict=True)]
         self.joints = sorted({joint for joint, _ in sites})
@@ -108,7 +75,7 @@ class OnTerrain:
         R, p = state.joint_places(self.joints)
         plates = (R[self._of] @ self._arms[:, :, None])[:, :, 0] + p[self._of]
         ups = np.where(self._flat[:, None], (R[self._joint] @ self._ups[:, :, None])[:, :, 0], self._ups)
-        return Touches(self.terrain, plates, self._at, ups, margin), R, p
+        return Touches(self.terrain.polytopes, plates, self._at, ups, margin), R, p
 
     def gaps(self, state: State, t: float) -> Array:
         """The gaps of `at`."""
@@ -119,7 +86,7 @@ class OnTerrain:
         found, R, p = self.touches(state)
         nv, k, plate, P = len(state.v), len(found.gaps), found.which[:, 5], found.places
         axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
-        _kernel().rows(
+        kernel().rows(
             P, found.normals, found.which, found.ways, self._joint, self._carries, state.joint_motion(self.joints)[2], state.v,
             found.plates, self._at, found.ups, self._alongs, found.gaps, axes, J, velocity, bias,
         )  # fmt: skip
@@ -159,10 +126,3 @@ class OnTerrain:
 def _cone(contact: Any) -> Cone:
     mu = contact.on.friction if contact.on.friction is not None else contact.friction
     return mu if isinstance(mu, Cone) else FrictionCone(float(mu), int(contact.facets)) if mu else NonNegative(1)
-
-
-@cache
-def _kernel() -> ModuleType:
-    from rbd.constraints.terrain import touching_kernel
-
-    return touching_kernel

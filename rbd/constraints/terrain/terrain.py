@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import ABOVE_ZERO, Array, as_finite, check_number, locked
-from rbd.constraints.convex.convex_shapes import plane_kernel  # noqa: F401
 from rbd.constraints.terrain.pieces import Heights, Piece, Polytopes, piece_of
+from rbd.constraints.terrain.touches import Touches
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.problem.cones import check_friction
@@ -209,9 +209,8 @@ class Terrain(Displayed):
         Args:
             points: In W, shape (k, 3) [m].
         """
-        from rbd.constraints.terrain.on_terrain import nearest_gaps
-
-        return nearest_gaps(self, as_finite("points", points, ("k", 3)))
+        P, at, up = as_finite("points", points, ("k", 3)), np.arange(2), np.array([[0.0, 0.0, 1.0]])
+        return np.array([Touches(self.polytopes, p[None], at, up, 1e6).gaps.min(initial=np.inf) for p in P])
 
     def ground_at(self, x: float, y: float) -> Ground:
         """The plane of the highest top at (x, y).
