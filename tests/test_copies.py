@@ -244,6 +244,8 @@ def more_constraints() -> Iterator[object]:
     yield rbd.KnifeEdge("blade", "box")
     yield rbd.RollingBall("ball", "box", radius=0.1)
     yield rbd.RollingDisk("disk", "box", radius=0.1)
+    yield rbd.constraints.RollingBody("egg", "box", shape=(0.3, 0.2, 0.1))
+    yield rbd.constraints.RollingOnRound("bowl", "box", radius=0.1, surface_radius=-0.5)
     yield rbd.PointContact("tip", "box", friction=0.5)
     yield rbd.SurfaceContact("palm", "box", half_lengths=(0.1, 0.1), on=rbd.Body("table", normal=(0.0, 0.6, 0.8)))
     for corners in ([[0.1, 0.2]], [[0.1, 0.2], [0.3, 0.1]], [[0.1, 0.2], [0.3, 0.1], [0.0, 0.0]]):

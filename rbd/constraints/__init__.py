@@ -9,7 +9,8 @@ from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.function import FunctionConstraint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock, joint_frictions, joint_limits, mimics
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel, VelocityConstraint
+from rbd.constraints.nonholonomic import KnifeEdge, VelocityConstraint
+from rbd.constraints.rolling import RollingBall, RollingBody, RollingDisk, RollingOnRound, RollingWheel
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.modules import submodule as _submodule
@@ -30,7 +31,9 @@ __all__ = [
     "LoopClosure",
     "PointContact",
     "RollingBall",
+    "RollingBody",
     "RollingDisk",
+    "RollingOnRound",
     "RollingWheel",
     "SurfaceContact",
     "Terrain",

@@ -45,7 +45,8 @@ from typing import Any, Literal
 from rbd.constraints.constraint import Constraint, made
 from rbd.constraints.joint import JointCoupling
 from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
-from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.nonholonomic import KnifeEdge
+from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
 from rbd.errors.inputs import check_choice, check_different, check_kind

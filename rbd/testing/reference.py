@@ -13,7 +13,8 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.nonholonomic import KnifeEdge, RollingBall
+from rbd.constraints.nonholonomic import KnifeEdge
+from rbd.constraints.rolling import RollingBall
 from rbd.displayed import Displayed
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
