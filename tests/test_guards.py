@@ -566,8 +566,8 @@ CASES: dict[str, Case] = {
     ),
     "RollingBall": rolling_case(rbd.RollingBall),
     "RollingDisk": rolling_case(rbd.RollingDisk, axis=np.array([0.0, 1.0, 0.2])),
-    "constraints.RollingBody": rolling_case(rbd.constraints.RollingBody, shape=np.array([0.3, 0.2, 0.1])),
-    "constraints.RollingOnRound": rolling_case(rbd.constraints.RollingOnRound, surface_radius=-0.5, axis=(0, 1, 0)),
+    "RollingBody": rolling_case(rbd.constraints.RollingBody, shape=np.array([0.3, 0.2, 0.1])),
+    "RollingOnRound": rolling_case(rbd.constraints.RollingOnRound, surface_radius=-0.5, axis=(0, 1, 0)),
     "RollingWheel": rolling_case(rbd.RollingWheel, axis=(0, 1, 0), friction=None),
     "joint_limits": Case(rbd.constraints.joint_limits, {"robot": BOLT, "margin": 0.1}),
     "Motor": Case(
