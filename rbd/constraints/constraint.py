@@ -13,6 +13,7 @@ package read them through the functions of this module, which supply the default
     frames                        names of its frames: one on the ground, two between bodies
     loop_dof(state, normal)  for a loop closure: number of free relative velocities, of six; or, if all
                                   motion is across `normal`, of three. `rbd.solve` warns if it is open
+    link(state)                   ends in W of what stands between its frames, as a rod, shape (2, 3): drawn as a line; or None
     check(robot)                  refuses a robot without the names that it uses; absent: its frames are checked
     renamed(prefix, placement)    the same on a robot with prefixed names and a displaced world
     prescribes                    name of the joint whose whole motion it gives: a lock, a drive

@@ -192,8 +192,13 @@ class LoopClosure(Displayed):
         """
         if not self.is_measured:
             return self
-        length = float(np.linalg.norm(np.subtract(*[state.frame(frame).X_WF.translation for frame in self.frames])))
+        ends = self.link(state)
+        length = 0.0 if ends is None else float(np.linalg.norm(ends[1] - ends[0]))
         return replace(self, length=length if length > _SHORTEST else self._no_direction())
+
+    def link(self, state: State) -> Array | None:
+        """Its ends in W, of a rod or rope, shape (2, 3) [m]; else None."""
+        return np.array([state.frame(x).X_WF.translation for x in self.frames]) if self.kind in _LINKS else None
 
     def source(self, start: State) -> FromRows | None:
         """Of a rope its row also where it is slack; None: of others their rows."""

@@ -206,3 +206,27 @@ def test_each_closure_describes_its_motion_where_it_is_closed(kind):
     closed = rbd.mechanism.assemble(start, [loop])
     report = check_constraint(loop, talos.at(closed.q, 0.5 * rng.normal(size=talos.nv)))
     assert report.rows == KINDS[kind] and max(report.jacobian, report.velocity, report.jdot_v) < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_state_and_many_by_every_form_and_solver_agree(kind):
+    """The prepared form of what has one, the general one, many states, and each solver: the same motion and force."""
+    talos = rbd.load_robot("talos")
+    state = talos.standing()
+    more = {"axis_b": (1.0, 0.2, 0.0)} if kind == "universal" else {}
+    loop = rbd.LoopClosure("loop", "arm_left_7_link", "arm_right_7_link", kind=kind, axis=(0.0, 0.1, 1.0), **more)
+    loop = loop.anchored(state)
+    if kind not in ("rod", "rope"):
+        loop = rbd.constraints.Baumgarte(frequency=3.0).of(loop)  # its frames are apart
+    feet, tau = talos.soles(None), 0.1 * np.random.default_rng(0).normal(size=talos.nu)
+    expected = rbd.solve(state, tau, [loop, *feet], solver=rbd.KKT() if kind != "rope" else rbd.ConeSolver())
+    assert expected.residuals.stationarity.scaled < 1e-8
+    for solver in (None, rbd.ProxQP(), rbd.ConeSolver()):
+        found = rbd.solve(state, tau, [loop, *feet], solver=solver)
+        assert np.abs(found.a - expected.a).max() < 1e-6 * max(1.0, np.abs(expected.a).max())
+    many = rbd.solve_many(talos, np.array([state.q] * 2), np.zeros((2, talos.nv)), tau, [loop, *feet])
+    assert np.abs(many.a - expected.a).max() < 1e-6 * max(1.0, np.abs(expected.a).max())
+    if expected.rank == len(expected.multipliers):
+        assert np.abs(many.forces["loop"][0] - expected.forces["loop"]).max() < 1e-5 * max(
+            1.0, np.abs(expected.forces["loop"]).max()
+        )

@@ -397,6 +397,16 @@ class TestOtherConstraints:
         )
         assert other.label.lines[1].startswith("the opposite of that on") and other.opacity < own.opacity
 
+    @pytest.mark.parametrize(("kind", "length", "taut"), [("rod", 1.0, True), ("rope", 1.0, True), ("rope", 1.5, False)])
+    def test_a_rod_or_rope_is_a_line_between_its_ends(self, kind, length, taut):
+        """With its length; a slack rope too, which has no force."""
+        box = rbd.load_robot("urdf/box.urdf", root="free_flyer")
+        state = rbd.State(box, [0.6, 0, -0.8, 0, 0, 0, 1])
+        link = rbd.LoopClosure("link", "universe", "box", kind=kind, length=length)
+        marks, _ = shown(box, state, rbd.solve(state, [], [link]))
+        assert marks["links/link"].points == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.6, 0.0, -0.8]]))
+        assert "1 m long" in marks["links/link"].label.lines[0] and ("loops/link/force" in marks) == taut
+
     def test_forces_between_bodies_at_points_of_their_shapes_are_one_mark(self):
         """A box on another: what acts on the lower one, 196.2 N from the floor less 98.1 N, is its weight."""
         boxes = [rbd.load_robot("urdf/box.urdf", root="free_flyer") for _ in range(2)]

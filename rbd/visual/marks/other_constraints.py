@@ -225,6 +225,18 @@ def other_forces(
     return found, left_out
 
 
+def link_of(state: State, constraint: Constraint) -> Array | None:
+    """The ends of what stands between the frames of a constraint in W, shape (2, 3) [m]; None where it has nothing there."""
+    ends = member(constraint, "link")
+    return ends(state) if callable(ends) else None
+
+
+def link_mark(name: str, ends: Array, sizes: Sizes) -> Mark:
+    """A rod or rope as a line between its ends."""
+    label = Label(name, (f"{float(np.linalg.norm(ends[1] - ends[0])):.4g} m long",), ends.mean(axis=0), tag=False)
+    return Mark(f"links/{node(name)}", (line(ends, radius=0.5 * sizes.shaft),), LOOP_COLOR, layer="loop forces", label=label)
+
+
 def _loop(state: State, constraint: Constraint, f: Array) -> ShownForce:
     """The force on the body of the second frame at its origin; where that is the ground, on the body of the first."""
     robot, (first, second) = state.robot, frames_of(constraint)

@@ -33,7 +33,15 @@ from rbd.visual.marks.contacts import (
     support_outline,
 )
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Mark, Sizes, is_cut, moment_angle, number, numbers, share_color
-from rbd.visual.marks.other_constraints import ShownTorque, motor_torques, origin_of, other_forces, torque_marks
+from rbd.visual.marks.other_constraints import (
+    ShownTorque,
+    link_mark,
+    link_of,
+    motor_torques,
+    origin_of,
+    other_forces,
+    torque_marks,
+)
 from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
 from rbd.visual.marks.shown_force import NOWHERE, ShownForce, force_marks
 from rbd.visual.marks.surfaces import ShownSurface, surface_entries, surface_marks, surfaces_of
@@ -58,6 +66,7 @@ class Picture:
         outline: Corners of the support polygon, each on the plane of its contact, shape (k, 3) [m].
         unshown: What of the external forces and constraints has no picture, in words.
         gravity: In W, shape (3,) [m/s2].
+        links: Rods and ropes by name: their ends in W, shape (2, 3) [m].
     """
 
     com: Array
@@ -69,6 +78,7 @@ class Picture:
     outline: Array = field(default_factory=NOWHERE.copy)
     unshown: tuple[str, ...] = ()
     gravity: Array = field(default_factory=DOWN.copy)
+    links: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, state: State, solution: Solution | Actuation | None, external: External) -> Picture:
@@ -97,6 +107,7 @@ class Picture:
             support_outline(contacts),
             (*unshown, *words, *left_out),
             state.robot.gravity,
+            {name: ends for name, c in given.items() if (ends := link_of(state, c)) is not None},
         )
 
     @property
@@ -115,6 +126,7 @@ class Picture:
         drawn = [mark for i, surface in enumerate(self.surfaces) for mark in surface_marks(i, surface, sizes)]
         drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts), self.gravity)
         drawn += support_marks(self.outline, sizes)
+        drawn += [link_mark(name, ends, sizes) for name, ends in self.links.items()]
         for force in self.forces:
             draw = force_marks if force.patch is None else contact_marks
             drawn += draw(force, force.color or colors[force.name], sizes)
