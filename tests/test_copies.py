@@ -226,6 +226,7 @@ def mechanisms() -> Iterator[object]:
     yield rbd.mechanism.project_acceleration(four_bar.at(state.q, moving.v), np.ones(four_bar.nv))
     hanging = rbd.find_equilibrium(state)
     assert str(hanging) and str(hanging.linearised)
+    yield rbd.simulation.floquet(hanging.state, period=0.01)
     yield from (hanging, hanging.linearised, *hanging.linearised.modes())
     yield from errors(
         lambda: rbd.find_equilibrium(rbd.load_robot(URDF / "box.urdf").at()), lambda: hanging.linearised.changed([1.0])

@@ -923,6 +923,11 @@ CASES: dict[str, Case] = {
         | {"differences": False, "seed": 1},
         20,
     ),
+    "floquet": Case(
+        lambda **given: rbd.simulation.floquet(**given).monodromy,
+        {"state": HANGING.state, "constraints": list(FOUR_BAR.loops()), "period": 0.01, "external": np.zeros(3)},
+        20,
+    ),
     "find_equilibrium": Case(
         lambda **given: rbd.find_equilibrium(**given).state.q,
         {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tau": np.zeros(1), "external": np.zeros(3), "fixed": {}},
@@ -1415,6 +1420,7 @@ CASES |= {
 MADE_BY_RBD = {
     "ElementPicture",
     "LoopFile",
+    "Floquet",
     "Linearised",
     "Mode",
     "SteadyState",

@@ -9,12 +9,13 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
+from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
 from rbd.model.derivatives import FixedPose
 from rbd.problem.rows import Rows
 
 _FIXED = (Contact, PointContact, SurfaceContact)
-_CONSTANT = (JointCoupling, JointFriction, JointLimit, JointLock)
+_CONSTANT = (DrivenJoint, JointCoupling, JointFriction, JointLimit, JointLock)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def _of_contact(contact: Contact) -> FixedRows | None:
 
 
 def are_constant(constraint: object, rows: Rows) -> bool:
-    """Whether J is the same in all states, and J_dot v zero: of joints with one degree of freedom, without feedback.
+    """Whether J is the same in all states, and J_dot v at one time: of joints with one degree of freedom, without feedback.
 
     Args:
         constraint: The constraint.

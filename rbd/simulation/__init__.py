@@ -7,6 +7,7 @@ from rbd.modules import submodule as _submodule
 from rbd.simulation.events import StateEvent, Switch
 from rbd.simulation.impacts import Impact, impact
 from rbd.simulation.integrators import DormandPrince8, RungeKutta4, TimeStepping
+from rbd.simulation.periodic import Floquet, floquet
 from rbd.simulation.run import simulate
 from rbd.simulation.simulated_motion import Event
 from rbd.simulation.trajectory import Trajectory
@@ -14,6 +15,7 @@ from rbd.simulation.trajectory import Trajectory
 __all__ = [
     "DormandPrince8",
     "Event",
+    "Floquet",
     "Impact",
     "Projection",
     "RungeKutta4",
@@ -21,6 +23,7 @@ __all__ = [
     "Switch",
     "TimeStepping",
     "Trajectory",
+    "floquet",
     "impact",
     "simulate",
 ]

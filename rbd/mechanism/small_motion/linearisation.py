@@ -24,7 +24,7 @@ from rbd.answers.analysis.state_changes import STEP, ranks_nearby, slope
 from rbd.answers.least_constraint import solve
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, check_flag, check_seed, max_abs
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, is_timed
 from rbd.constraints.manifold import RANK, ConstraintManifold, own_or
 from rbd.errors import NotDifferentiable, NotSteadyWarning, RbdWarning
 from rbd.mechanism.small_motion.linearised import STEADY, Linearised
@@ -125,8 +125,10 @@ def linearise(
     off, change = _compared(flow, space, A, B, rng, DIRECTIONS), 0.0
     speed = max_abs((state.v - spin) / robot.joints.scale)
     if speed:
-        ahead = State(robot, pin.integrate(robot.model, state.q, AHEAD / speed * (state.v - spin)), state.v)
-        change = _compared(Flow(ahead, torques, given, external, manifold, S, spin), space, A, B, rng, 1)
+        since = AHEAD / speed
+        ahead = State(robot, pin.integrate(robot.model, state.q, since * (state.v - spin)), state.v, t=state.t + since)
+        there = ConstraintManifold.about(ahead, given) if any(is_timed(c) for c in given) else manifold
+        change = _compared(Flow(ahead, torques, given, external, there, S, spin), space, A, B, rng, 1)
     acceleration = max_abs(solution.a + ad_matrix(robot, spin) @ state.v)
     steady = acceleration <= STEADY and change <= STEADY
     _check_agreement(state, off, invariance if steady else 0.0, space)
@@ -285,11 +287,11 @@ class Flow:
         if self._manifold.constraints and self._manifold.placed.any() and change.any():
             q = self._manifold.project(q).q
         v = state.v + change[nv:]
-        near = State(robot, q, v)
+        near = State(robot, q, v, t=state.t)
         if len(self._S):
             rows, scale = self._manifold.rows(near), robot.joints.scale
             v = v - scale * np.linalg.lstsq(self._S @ rows.J * scale, self._S @ rows.velocity, rcond=RANK)[0]
-            near = State(robot, q, v)
+            near = State(robot, q, v, t=state.t)
         a = solve(near, self._tau + torques, self._constraints, external=self._external).a
         xi = pin.difference(model, state.q, near.q)
         chart = self._charts.at(state.q)

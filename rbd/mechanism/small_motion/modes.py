@@ -146,7 +146,7 @@ class Mode(Displayed):
         q = pin.integrate(robot.model, state.q, time * (state.v - self.spin))
         q = pin.integrate(robot.model, q, np.real(factor * self.dq))
         q = pin.integrate(robot.model, q, time * self.spin)
-        return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv))
+        return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv), t=state.t + time)
 
     def pose(self, factor: complex = 0.1) -> State:
         """The state's configuration changed by Re(factor dq), at rest; the constraints are satisfied to first order.
@@ -161,7 +161,7 @@ class Mode(Displayed):
         if isinstance(factor, bool) or not isinstance(factor, int | float | complex | np.number) or not abs(factor) <= 1e3:
             raise InputError(f"factor is {factor!r:.80}; expected a real or complex number of at most 1000.")
         q = pin.integrate(robot.model, self.state.q, np.real(complex(factor) * self.dq))
-        return State(robot, pin.normalize(robot.model, q))
+        return State(robot, pin.normalize(robot.model, q), t=self.state.t)
 
     def scene(self, **options: Any) -> Any:
         """A `rbd.visual.Scene` with its two poses of largest displacement; see `rbd.visual.mode_scene`."""

@@ -209,7 +209,7 @@ class Search:
         dq, dv = np.zeros(robot.nv), np.zeros(robot.nv)
         dq[self.positions], dv[self.velocities] = to_q, to_v
         q = pin.normalize(robot.model, pin.integrate(robot.model, state.q, dq))
-        moved = State(robot, q, state.v + dv)
+        moved = State(robot, q, state.v + dv, t=state.t)
         return _Point(moved, here.tau + tau if self.free_torques else here.tau, here.axes, here.s + s)
 
     def _residuals(self, here: _Point, times: Sequence[float], moving: bool = True) -> tuple[Array, Array]:
@@ -284,7 +284,7 @@ class _Point:
             return self.state
         robot = self.state.robot
         q = pin.integrate(robot.model, self.state.q, t * (self.state.v - self.spin))
-        return State(robot, pin.normalize(robot.model, q), self.state.v)
+        return State(robot, pin.normalize(robot.model, q), self.state.v, t=self.state.t + t)
 
 
 def _value(condition: Condition, state: State) -> Array:
