@@ -27,6 +27,8 @@ INSTANT = 1e-8
 """Time within which a change is a jump [s]."""
 SMOOTH = 1e-9
 """A change that differs by less, relative, from the integral of the rate is no jump."""
+DIFFERENCES = 1e-7
+"""The same of rates by differences."""
 _NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _STEPS = STEP * 0.25 ** np.arange(9)
 _WANTS = "a function t -> s or t -> (s, s', s''), a spline of SciPy's, or rbd.Speed(rate)"
@@ -83,7 +85,7 @@ class Prescribed:
         self.what, self.shape, self._orders = what, shape, orders
         self._each: list[Callable[[float], Any]] = [motion]
         self._ends: tuple[float, float] | None = None
-        self._smooth = math.inf, -math.inf
+        self._smooth, self._exact = (math.inf, -math.inf), SMOOTH
         if callable(getattr(motion, "derivative", None)):
             self._ends = _ends(motion)
             try:
@@ -107,7 +109,10 @@ class Prescribed:
             return np.array([self._called(f, t, 0) for f in self._each])
         given = self._called(self._each[0], t, self._orders + 1)
         n = self.shape or (given.shape[-1:] if self.shape is None else ())
-        return given if given.shape == (self._orders + 1, *n) else np.concatenate([given[None], self._derivatives(t, given)])
+        if given.shape == (self._orders + 1, *n):
+            return given
+        self._exact = DIFFERENCES
+        return np.concatenate([given[None], self._derivatives(t, given)])
 
     def jump(self, since: float, t: float) -> float | None:
         """A time in an interval at which s or s' jumps [s]; None if there is none.
@@ -129,7 +134,7 @@ class Prescribed:
         h, middle = t - since, 0.5 * (since + t)
         between = self._stacked(middle)
         most = np.abs([before[1:], between[1:], after[1:]]).max(axis=(0, 2))
-        size = SMOOTH * np.maximum(np.abs([before[:-1], after[:-1]]).max(axis=(0, 2)), h * most)
+        size = self._exact * np.maximum(np.abs([before[:-1], after[:-1]]).max(axis=(0, 2)), h * most)
         change = after[:-1] - before[:-1]
         off = np.abs(change - h / 6.0 * (before[1:] + 4.0 * between[1:] + after[1:])).max(axis=1)
         if (off <= size).all():

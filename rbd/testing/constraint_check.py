@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, is_timed
 from rbd.control.task_terms import Task, TaskTerms
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -40,8 +40,8 @@ def _second(values: Array, step: float) -> Array:
 
 def _curve(state: State, v: Array, a: Array, step: float) -> list[State]:
     """Seven configurations of q (+) (v t + a t^2 / 2), a step apart, that of the state in the middle."""
-    model = state.robot.model
-    return [State(state.robot, pin.integrate(model, state.q, v * t + 0.5 * a * t * t)) for t in step * _AT]
+    robot, q, now = state.robot, state.q, state.t
+    return [State(robot, pin.integrate(robot.model, q, v * t + 0.5 * a * t * t), t=now) for t in step * _AT]
 
 
 Compared = dict[str, tuple[Array, Array]]
@@ -127,6 +127,8 @@ def check_constraint(
 
     Of a contact with a surface whose motion is given, what its rows give at v = 0 is the surface's own, and is taken out of
     them first, together with what changes its sign with v: the Coriolis term of a surface that turns, which is not checked.
+    Of a constraint that depends on time (`jump`), at v = 0 the velocity must be the rate of the error by time, and the bias
+    that of the velocity.
 
     Args:
         constraint: The constraint to check.
@@ -183,6 +185,13 @@ def _compared(
     out = {"J v": (rows.J @ v, first), "J a + J_dot v": (rows.J @ a + (at.bias + bias), second)}
     if at.velocity.any() or rows.velocity.any():  # else the rows do not give it
         out["velocity"] = (at.velocity - rows.velocity, rows.J @ v)
+    if is_timed(constraint):
+        along = [constraint.rows(state.with_velocity(state.robot.zero_v).at_time(state.t + x)) for x in t]
+        out["bias, by time,"] = (rows.bias, _first(np.array([r.velocity for r in along]), step))
+        if rows.error is not None:
+            held = True if rows.holonomic is None else rows.holonomic
+            seen = _first(_errors(along, rows, np.outer(t, rows.velocity)), step)
+            out["velocity, by time,"] = (rows.velocity, np.where(held, seen, rows.velocity))
     if errors is not None:
         out["error' against J v:"] = (_first(errors, step), rows.J @ v)
         if not moving:

@@ -336,10 +336,33 @@ def test_a_mechanism_is_assembled_where_its_drive_is_at_a_time():
     assert abs(rbd.solve(moving, [0.0], [drive]).forces["drive"][0] - torque_of(*uneven(0.07))) <= 1e-9
 
 
-@pytest.mark.parametrize("drive", [rbd.DrivenJoint("drive", "crank_joint", uneven)], ids=["joint"])
-def test_a_drive_is_a_constraint_like_any_other(drive):
-    """`check_constraint`: Jacobian and bias against motion along curves, at a time."""
-    rbd.testing.check_constraint(drive, turning(uneven).at_time(0.05))
+def test_what_depends_on_time_is_checked_by_time():
+    """`check_constraint` at a time: drives, velocities, ground that moves; it finds a rate of the wrong sign."""
+    box = rbd.State(rbd.testing.box(), [0, 0, 0.05, 0.1, 0.7, 0.1, 0.7], t=0.05)
+    ground = rbd.Ground(point=(0, 0, 0), normal=(0.6, 0, 0.8), motion=lambda t: (0.1 * math.sin(3 * t), 0, 0.2 * t * t))
+    at = turning(uneven).at_time(0.05)
+    for constraint, state in (
+        (rbd.DrivenJoint("drive", "crank_joint", uneven), at),
+        (rbd.DrivenJoint("drive", "crank_joint", lambda t: uneven(t)[0]), at),
+        (rbd.VelocityConstraint("row", [1.0, 0.2, 0.3], b=math.cos), at),
+        (rbd.PointContact("toe", "box", on=ground).anchored(box), box),
+        (rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.1), on=ground), box),
+        (rbd.RollingBall("ball", "box", radius=0.05, on=ground), box),
+    ):
+        rbd.testing.check_constraint(constraint, state)
+    wrong = rbd.DrivenJoint("wrong", "crank_joint", lambda t: (math.sin(t), -math.cos(t), -math.sin(t)))
+    with pytest.raises(rbd.testing.ConstraintWrong, match="'wrong': bias, by time"):
+        rbd.testing.check_constraint(wrong, at)
+
+
+def test_feedback_and_impacts_take_a_drive():
+    """Baumgarte's feedback keeps to it; an impact brings the crank to the drive's speed at once."""
+    drive = rbd.DrivenJoint("drive", "crank_joint", uneven)
+    by = rbd.constraints.Baumgarte(100.0)
+    found = rbd.simulate(turning(uneven), [drive], duration=0.05, step=1e-3, stabilisation=by, progress=False)
+    assert found.residuals["drift"].max() <= 1e-7
+    met = rbd.impact(ASSEMBLED, [drive])
+    assert abs(met.state.v[0] - uneven(0.0)[1]) <= 1e-9
 
 
 def test_many_states_have_their_times():
