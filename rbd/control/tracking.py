@@ -123,7 +123,7 @@ def reference_of(
     t, q, v, a = samples
     if torques == "weight":
         v, a = np.zeros_like(v), np.zeros_like(a)
-    v, a, moved = _kept(robot, q, v, a, contacts, touching)
+    v, a, moved = _kept(robot, t, q, v, a, contacts, touching)
     tau, refused = np.zeros((len(t), robot.nu)), dict[int, str]()
     if torques != "none":
         for chosen, run in groupby(range(len(t)), touching.__getitem__):
@@ -131,24 +131,30 @@ def reference_of(
             if torques == "nearest":
                 refused.update(dict.fromkeys(_nearest(robot, t, q, v, a, tau, at, some), ""))
             else:
-                refused.update(_possible(robot, q, v, a, tau, at, some))
+                refused.update(_possible(robot, t, q, v, a, tau, at, some))
     if refused and torques != "nearest":
         _refuse(motion, contacts, touching, (t, q, v, a), refused)
     # Of the torques without dynamics only the torques are: the reference moves as before.
     if torques == "weight":
-        v, a, moved = _kept(robot, q, samples[2], samples[3], contacts, touching)
+        v, a, moved = _kept(robot, t, q, samples[2], samples[3], contacts, touching)
     return TorqueReference(t, q, v, a, tau, t[sorted(refused)], moved)
 
 
 def _kept(
-    robot: CheckedModel, q: Array, v: Array, a: Array, contacts: Sequence[Constraint], touching: Sequence[tuple[int, ...]]
+    robot: CheckedModel,
+    t: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    contacts: Sequence[Constraint],
+    touching: Sequence[tuple[int, ...]],
 ) -> tuple[Array, Array, float]:
     """Velocities and accelerations with contacts at rest, nearest in the metric of inertia; and how fast contacts moved."""
     v, a, moved = v.copy(), a.copy(), 0.0
     for i, chosen in enumerate(touching):
         if not chosen:
             continue
-        state, some = State(robot, q[i], v[i]), [contacts[k] for k in chosen]
+        state, some = State(robot, q[i], v[i], t=float(t[i])), [contacts[k] for k in chosen]
         moved = max(moved, *(float(np.abs(c.rows(state).velocity).max(initial=0.0)) for c in some))
         still = project_velocity(state, some, loops=False)
         v[i], a[i] = still.v, project_acceleration(still, a[i], some, loops=False).a
@@ -156,12 +162,12 @@ def _kept(
 
 
 def _possible(
-    robot: CheckedModel, q: Array, v: Array, a: Array, tau: Array, at: Array, contacts: Sequence[Constraint]
+    robot: CheckedModel, t: Array, q: Array, v: Array, a: Array, tau: Array, at: Array, contacts: Sequence[Constraint]
 ) -> dict[int, str]:
     """Write the torques of some samples; {sample: reason} of those that have none."""
     if not len(at):
         return {}
-    found = inverse_dynamics_many(robot, q[at], v[at], a[at], contacts, loops=False)
+    found = inverse_dynamics_many(robot, q[at], v[at], a[at], contacts, t=t[at], loops=False)
     tau[at] = found.tau
     return {int(at[i]): reason for i, reason in found.reasons.items()}
 
@@ -175,14 +181,14 @@ def _nearest(
     """
     share = np.floor((t[at] - t[at[0]]) / NEAREST_EVERY + 1e-6)
     coarse = at[np.unique(np.append(np.unique(share, return_index=True)[1], len(at) - 1))]
-    bad = np.isin(at, list(_possible(robot, q, v, a, tau, coarse, contacts)))
+    bad = np.isin(at, list(_possible(robot, t, q, v, a, tau, coarse, contacts)))
     before = np.searchsorted(coarse, at, side="right") - 1
     after = np.minimum(before + 1, len(coarse) - 1)
     inside = bad[coarse[before] - at[0]] & bad[coarse[after] - at[0]] & ~np.isin(at, coarse)
-    bad |= np.isin(at, list(_possible(robot, q, v, a, tau, at[~inside & ~np.isin(at, coarse)], contacts)))
+    bad |= np.isin(at, list(_possible(robot, t, q, v, a, tau, at[~inside & ~np.isin(at, coarse)], contacts)))
     known: list[ConicAnswer] = []
     for i in at[bad].tolist():  # each from the one before
-        wanted = WantedMotion.of(State(robot, q[i], v[i]), a[i], contacts, None, _LEAST_EFFORT)
+        wanted = WantedMotion.of(State(robot, q[i], v[i], t=float(t[i])), a[i], contacts, None, _LEAST_EFFORT)
         found = wanted.nearest(MARGIN, known)
         tau[i], a[i] = found.tau, found.a
     one, other = coarse[before[inside]], coarse[after[inside]]
@@ -211,7 +217,9 @@ def _refuse(
         "rbd.check_motion finds possible."
     )
     try:
-        inverse_dynamics(State(robot, q[first], v[first]), a[first], [contacts[k] for k in touching[first]], loops=False)
+        inverse_dynamics(
+            State(robot, q[first], v[first], t=float(t[first])), a[first], [contacts[k] for k in touching[first]], loops=False
+        )
     except CannotMove as error:
         raise CannotMove(
             f"{words} At {t[first]:.3f} s: {error}", limits=error.limits, irreducible=error.irreducible,

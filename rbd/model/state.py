@@ -19,7 +19,6 @@ from rbd.records import Axis, Field
 
 _LATEST = 1e12
 """Bound of times [s]."""
-_WHEN = "a finite number of seconds"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +84,7 @@ class State(Displayed):
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
         self.robot, self.q, self.v = robot, locked(robot.check_q(q)), robot.zero_v if v is None else locked(robot.check_v(v))
-        known = type(t) is float and abs(t) < _LATEST
-        self.t = t if known else check_number("time t of a state", t, -_LATEST, _LATEST, expected=_WHEN)
+        self.t = _time(t)
 
     _slot: Slot | None = None
     _ticket = 0
@@ -148,7 +146,7 @@ class State(Displayed):
 
         >>> round(robot.at("assembled").at_time(0.5).t, 3)
         """
-        return State(self.robot, self.q, self.v, t=t)
+        return _of_arrays(self.robot, self.q, self.v, _time(t))
 
     def on(self, robot: CheckedModel) -> State:
         """The same configuration and velocity of another robot with the same joints, as of a heavier one.
@@ -361,6 +359,12 @@ def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object]) -> A
         size = at.stop - at.start
         out[at] = as_finite(what, value, (size,), *[()] * (size == 1), meaning=": a number an entry")
     return out
+
+
+def _time(t: float) -> float:
+    if type(t) is float and abs(t) < _LATEST:
+        return t
+    return check_number("time t of a state", t, -_LATEST, _LATEST, expected="a finite number of seconds")
 
 
 def _again(robot: CheckedModel, q: bytes, v: bytes | None, t: float) -> State:

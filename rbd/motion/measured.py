@@ -292,7 +292,8 @@ def history_of(
     out = []
     for i in range(frames):
         acting = [c for c, yes in zip(contacts, touching[i], strict=True) if yes]
-        out.append(estimate(i, State(robot, motion.q[i], motion.v[i]), acting, None if torques is None else torques[i]))
+        state = State(robot, motion.q[i], motion.v[i], t=float(motion.t[i]))
+        out.append(estimate(i, state, acting, None if torques is None else torques[i]))
     return ForceHistory(np.array(motion.t), tuple(out), tuple(c.name for c in contacts), touching)
 
 

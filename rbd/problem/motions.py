@@ -94,6 +94,9 @@ class Prescribed:
             except Exception as error:
                 raise InputError(f"{what} is a spline that is not twice differentiable ({error}); give a cubic one.") from error
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return Prescribed, (self.what, self._each[0], self.shape, self._orders)
+
     def at(self, t: float) -> Array:
         """(s, s', s'') at a time [s], or (s, s'), along the first axis, each of `shape`.
 

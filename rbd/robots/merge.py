@@ -115,7 +115,7 @@ class RobotPair(CheckedModel):
         for state, robot in zip((first, second), self.members, strict=True):
             if not isinstance(state, State) or not robot.is_like(state.robot):
                 raise InputError(f"together wants a State of {robot.name}, got {state!r:.80}: rbd.State(robot, q, v).")
-        return State(self, self.q(first.q, second.q), np.concatenate([first.v, second.v]))
+        return State(self, self.q(first.q, second.q), np.concatenate([first.v, second.v]), t=first.t)
 
     def standing(self) -> State:
         """Both at rest, each in its standing posture; an object without a standing posture in its neutral one.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,7 @@ import rbd
 from rbd.errors import InputError, SimulationStopped
 from rbd.mechanism import slider_crank, velocity_partition
 from rbd.model.checked_model import CheckedModel
+from rbd.model.content_hash import digest
 
 R, L, W, G = 0.045, 0.15, 30.0, 9.81
 CRANK, ROD, SLIDER = R, L, R  # masses [kg], one a metre
@@ -375,3 +377,12 @@ def test_many_states_have_their_times():
     assert np.abs(moves.forces["drive"] + moves.tau - found.forces["drive"]).max() <= 1e-9
     first = rbd.solve_many(ENGINE, found.q[:1], found.v[:1], None, [drive])
     assert np.abs(first.forces["drive"] - found.forces["drive"][:1]).max() <= 1e-10
+
+
+def test_the_content_of_a_drive_and_of_a_state_is_that_of_its_time():
+    """Keys of stored answers: the same before and after a drive was used, and in a copy; another at another time."""
+    drive = rbd.DrivenJoint("drive", "crank_joint", rbd.Speed(W, start=START))
+    before = digest(drive)
+    rbd.simulate(turning(constant), [drive], duration=0.01, step=1e-3, progress=False)
+    assert digest(drive) == before == digest(pickle.loads(pickle.dumps(drive)))
+    assert digest(ASSEMBLED) == digest(ASSEMBLED.at_time(0.0)) != digest(ASSEMBLED.at_time(0.1))

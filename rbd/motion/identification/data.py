@@ -146,7 +146,7 @@ class MeasuredMotion(Displayed):
     def equations(self, i: int, columns: Sequence[str]) -> tuple[State, Array, Array, Array]:
         """(state, Y, b, E) of frame i: Y theta = b + E x with unknown forces x; shapes (nv, p), (nv,), (nv, k)."""
         robot, motion = self.robot, self.motion
-        state = State(robot, motion.q[i], motion.v[i])
+        state = State(robot, motion.q[i], motion.v[i], t=float(motion.t[i]))
         Y, known = columns_at(state, np.asarray(motion.a[i]), columns)
         b = -known
         unknown = [np.zeros((robot.nv, 0))]
