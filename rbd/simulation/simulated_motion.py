@@ -13,6 +13,7 @@ import pinocchio as pin
 from rbd.arrays import Array, filled, lazy, zeros
 from rbd.constraints.constraint import Constraint, is_timed, member
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.constraints.terrain.terrain import Terrain, terrains_of
 from rbd.control.schedules import (
     AcceptedStep,
     ContactTouch,
@@ -84,6 +85,11 @@ class SimulatedMotion:
         """The force elements that act; of a function of time those that it has given, if they were the same each time."""
         known = self._given[0] if len(self._given) == 1 else ()
         return known if callable(self.external) else elements_of(self.external)
+
+    @property
+    def terrains(self) -> tuple[Terrain, ...]:
+        """The terrains that its contacts are on."""
+        return terrains_of(self.constraints)
 
     @property
     def pushed(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, zeros
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
@@ -81,6 +82,7 @@ class Trajectory(Displayed):
         end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
         elements: Force elements that acted, which drawings show; empty where a function gave others with time.
         pushed: Whether other external forces acted, which are not recorded.
+        terrains: Those that contacts were on.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -122,6 +124,7 @@ class Trajectory(Displayed):
     end_reason: Reason = Reason.NONE
     elements: tuple[ForceElement, ...] = ()
     pushed: bool = False
+    terrains: tuple[Terrain, ...] = ()
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field(
@@ -223,6 +226,7 @@ class Trajectory(Displayed):
             end_reason=end_reason,
             elements=motion.elements,
             pushed=motion.pushed,
+            terrains=motion.terrains,
         )
 
     @property

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_float
 from rbd.constraints.forces.element_numbers import data_of, element_of
+from rbd.constraints.terrain.plain import plain_of, terrain_of
 from rbd.errors import InputError, ModelError, ModelWarning, RbdError
 from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
 from rbd.installation import VERSION
@@ -62,6 +63,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "events": [[kind(getattr(e, field)) for _, field, kind, _ in EVENT] for e in fields["events"]],
         "absent": list(fields["absent"]),
         "pushed": bool(fields["pushed"]),
+        "terrains": [plain_of(terrain) for terrain in fields["terrains"]],
         **header_of_elements(fields["elements"]),
     }
 
@@ -98,6 +100,7 @@ def fields_of(
         "robot": made,
         "elements": elements_in(header, made),
         "pushed": bool(header.get("pushed", False)),
+        "terrains": tuple(terrain_of(given) for given in listed_in(header, "terrains")) if "terrains" in header else (),
         "t": t,
         "events": tuple(_event(given) for given in listed_in(header, "events")),
         "absent": words_in(header, "absent") if "absent" in header else (),

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, locked
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import is_element
@@ -169,10 +170,12 @@ def checked(fields: Fields) -> dict[str, Any]:
         array = _checked_array(c, value, [n, *[sizes.get(dim) for dim in c.dims]])
         sizes.update(zip(c.dims, array.shape[1:], strict=True))
         c.put(out, array)
-    for name in ("elements", "events", "absent"):
+    for name in ("elements", "events", "absent", "terrains"):
         out[name] = tuple(fields[name])
     if not all(is_element(each) for each in out["elements"]):
         raise InputError("elements of a trajectory must be force elements, as of rbd.constraints.forces.")
+    if not all(isinstance(each, Terrain) for each in out["terrains"]):
+        raise InputError(f"terrains of a trajectory are {fields['terrains']!r:.80}; expected rbd.Terrain.")
     if not all(isinstance(each, Event) for each in out["events"]):
         raise InputError("events of a trajectory must be rbd.simulation Events.")
     if not all(isinstance(each, str) for each in out["absent"]):

@@ -108,7 +108,8 @@ def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer:
 
 def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:
     """Send a mark; the page also draws its ghost if it shines through what hides it, at the path and "_seen_through"."""
-    told = {"kind": "mark", "color": mark.color, "opacity": mark.opacity, "through": mark.seen_through}
+    kind = "part" if mark.scenery else "mark"
+    told = {"kind": kind, "color": mark.color, "opacity": mark.opacity, "through": mark.seen_through}
     if isinstance(mark.shape, Mesh):
         _send(viewer[f"marks/{mark.path}"], mark.shape, told)
     else:

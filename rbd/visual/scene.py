@@ -13,6 +13,7 @@ import meshcat
 import numpy as np
 
 from rbd.arrays import Array, check_positive
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
@@ -23,6 +24,7 @@ from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture, legend_data
 from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
 from rbd.visual.marks.shown_force import ShownForce
+from rbd.visual.marks.terrain import ShownTerrain, terrain_marks
 from rbd.visual.packed_meshes import described, send_mark, send_part
 from rbd.visual.pages.browser import Browser, Closing
 from rbd.visual.pages.link import checked_layers, checked_view
@@ -46,7 +48,8 @@ class Scene(Displayed, Closing):
     thin ones are the corner forces; an arrow that leaves its translucent cone slips. Between two bodies, the thin pale
     opposite arrow is the force on the second; so it is of a loop. Moments and the torques of stops, brakes and gears are bent
     arrows about their axes. Motor torques are arcs too, whose length and colour tell the share of the limit: layer "joint
-    torques", off at first. Walls, slopes and moving ground that contacts touch are drawn as pieces of their planes. Marks
+    torques", off at first. Walls, slopes and moving ground that contacts touch are drawn as pieces of their planes, terrain as
+    solids with the shadows on it, in place of the level ground. Marks
     shine faintly through the robot. The legend tells in words what is left out.
 
     Args:
@@ -105,6 +108,8 @@ class Scene(Displayed, Closing):
         self._around = np.zeros((0, 3))
         self._moving = False
         self._statics: tuple[Drawn, ...] = ()
+        self._terrains: tuple[ShownTerrain, ...] = ()
+        self._scenery: list[Mark] = []
         self.title = robot.name
         """Of its page: the robot's name, or the headline of a motion."""
 
@@ -120,8 +125,8 @@ class Scene(Displayed, Closing):
 
     @property
     def drawn(self) -> tuple[Mark, ...]:
-        """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, by their points in W."""
-        return (*self._marks, *self._around_marks)
+        """The marks now in the picture: arrows, cones, patches, polygon, centre of mass and terrain, by their points in W."""
+        return (*self._scenery, *self._marks, *self._around_marks)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -214,6 +219,22 @@ class Scene(Displayed, Closing):
         """
         self._around_marks, self._statics = marks_of(statics, self.sizes), statics
         self._send_marks()
+
+    @drawn_together
+    def stand_on(self, *terrains: Terrain | ShownTerrain) -> None:
+        """Draw terrains around the robot, until the next call; those that contacts of a solution are on are drawn anyway.
+
+        Raises:
+            InputError: of something else.
+            PictureError: if nothing has been shown yet.
+        """
+        _ = self.sizes  # refuses an empty scene
+        for one in terrains:
+            if not isinstance(one, Terrain | ShownTerrain):
+                raise InputError(f"{one!r:.80} is no terrain; expected rbd.Terrain.")
+        self._terrains = tuple(t if isinstance(t, ShownTerrain) else ShownTerrain.about(t, self._body.cloud) for t in terrains)
+        self._send_marks()
+        self.recorder.post("view", self._view())
 
     @drawn_together
     def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
@@ -311,23 +332,33 @@ class Scene(Displayed, Closing):
     def _send_marks(self) -> None:
         """Send the marks, the frames, the layers, and the layer and label of every mark; and the legend."""
         self._viewer["marks"].delete()
+        shown = self._shown_terrains()
+        self._scenery = [mark for i, one in enumerate(shown) for mark in terrain_marks(i, one, self.sizes) if len(mark.points)]
         for mark in self.drawn:
             send_mark(self._viewer, mark)
         self.recorder.post("frames", frames(self.robot, self._body.data, self._picture.contacts, self.sizes.body))
         self.recorder.post("marks", described(self.drawn, self._layers))
         self._write_legend()
 
+    def _shown_terrains(self) -> list[ShownTerrain]:
+        """Those that are asked for, and those that the contacts are on."""
+        known = {id(one.terrain) for one in self._terrains}
+        further = [t for t in self._picture.terrains if id(t) not in known]
+        return [*self._terrains, *(ShownTerrain.about(t, self._body.cloud) for t in further)]
+
     def _write_legend(self) -> None:
         if not self._legend:
             return
         colors, poses = contact_colors(self._seen), self._body.poses
-        what = legend_data(self.robot.name, self._picture, colors, self.sizes, self._statics, poses.entries(), poses.note)
+        words = poses.entries(), poses.note, self._shown_terrains()
+        what = legend_data(self.robot.name, self._picture, colors, self.sizes, self._statics, *words)
         self.recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.points for mark in self.drawn if self._layers[mark.layer]]
+        drawn = [mark.points for mark in self.drawn if self._layers[mark.layer] and not mark.scenery]
         contacts, body = self._picture.contacts, self._body
         direction = seen_from(contacts) if self._seen_from is None else self._seen_from
         front, clouds = front_of(self.robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
-        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self.sizes.body, ground=self._ground)
+        level = self._ground and not self._scenery
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self.sizes.body, ground=level)

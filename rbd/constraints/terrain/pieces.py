@@ -114,12 +114,12 @@ def polytope(name: str, corners: Array, faces: Array | None = None) -> Piece:
 
 
 def piece_of(name: str, given: object) -> Piece | Heights:
-    """A piece as users give it: a ground, a grid of heights, a shape, or a shape and its pose.
+    """A piece as users give it: a ground, a piece or a grid of heights that was made, a shape, or a shape and its pose.
 
     Raises:
         InputError: what is none of these, a moving ground, or a shape that is round.
     """
-    if isinstance(given, Heights):
+    if isinstance(given, Heights | Piece):
         return given
     if isinstance(given, Ground):
         if given.point is None or given.moves:

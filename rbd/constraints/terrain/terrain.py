@@ -29,6 +29,7 @@ class Terrain(Displayed):
 
     Attributes:
         names: Of the pieces.
+        solids: The pieces as they were given, grids of heights whole.
         friction: Coulomb's coefficient of all contacts on it; None: each contact's own.
 
     Args:
@@ -54,9 +55,9 @@ class Terrain(Displayed):
         if friction is not None:
             check_friction(friction, 4)
         self.friction = None if friction is None else float(friction)
-        found = [piece_of(str(name), given) for name, given in pieces.items()]
-        self._fields = tuple(piece for piece in found if isinstance(piece, Heights))
-        self._pieces = [piece for piece in found if isinstance(piece, Piece)]
+        self.solids: tuple[Piece | Heights, ...] = tuple([piece_of(str(name), given) for name, given in pieces.items()])
+        self._fields = tuple(piece for piece in self.solids if isinstance(piece, Heights))
+        self._pieces = [piece for piece in self.solids if isinstance(piece, Piece)]
         self._known: set[tuple[int, int, int]] = set()
         self._arrays: Polytopes | None = None
         self.names = tuple(str(name) for name in pieces)
@@ -163,6 +164,9 @@ class Terrain(Displayed):
         """Its pieces, of a grid of heights those that were needed so far."""
         return tuple(self._pieces)
 
+    def __reduce__(self) -> tuple[type[Terrain], tuple[dict[str, Piece | Heights], float | None]]:
+        return Terrain, (dict(zip(self.names, self.solids, strict=True)), self.friction)  # less the prisms that were needed
+
     def __str__(self) -> str:
         friction = "each contact's own friction" if self.friction is None else f"friction {self.friction:g}"
         shown = ", ".join(self.names[:6]) + (", ..." if len(self.names) > 6 else "")
@@ -185,10 +189,6 @@ class Terrain(Displayed):
             self._arrays = Polytopes.of(self._pieces)
         return self._arrays
 
-    def _solids(self) -> Iterable[Piece | Heights]:
-        grid = tuple(f"{field.name}[" for field in self._fields)
-        return [*(p for p in self._pieces if not (grid and p.name.startswith(grid))), *self._fields]
-
     def heights_of(self, points: Array) -> Array:
         """How far points are above the surface under them, along z, shape (...) [m]; inf where there is none.
 
@@ -198,7 +198,7 @@ class Terrain(Displayed):
             points: In W, shape (..., 3) [m].
         """
         P = np.asarray(points, float)
-        tops = np.array([solid.tops(P[..., :2]) for solid in self._solids()])
+        tops = np.array([solid.tops(P[..., :2]) for solid in self.solids])
         under = np.where(tops <= P[..., 2] + SUNK_M, tops, -np.inf).max(axis=0)
         over = np.where(np.isneginf(tops), np.inf, tops).min(axis=0)
         return np.asarray(P[..., 2] - np.where(np.isneginf(under) & np.isfinite(over), over, under))
@@ -219,13 +219,18 @@ class Terrain(Displayed):
             InputError: if there is no terrain at that place.
         """
         xy = as_finite("(x, y)", (x, y), (2,))
-        solids = list(self._solids())
-        tops = [float(solid.tops(xy[None])[0]) for solid in solids]
+        tops = [float(solid.tops(xy[None])[0]) for solid in self.solids]
         i = int(np.argmax(tops))
         if not np.isfinite(tops[i]):
             raise InputError(f"there is no terrain at x = {x:.4g}, y = {y:.4g} m.")
-        near = solids[i]
+        near = self.solids[i]
         pieces = [near] if isinstance(near, Piece) else [p for cell in near.cells(xy, xy + 1e-9) for p in near.prisms(*cell)]
         p = np.array([x, y, tops[i]])
         best = min((abs(float(f[:3] @ p - f[3])), tuple(f[:3])) for piece in pieces for f in piece.faces if f[2] > 1e-9)
         return Ground(point=p, normal=locked(np.array(best[1])))
+
+
+def terrains_of(constraints: Iterable[object]) -> tuple[Terrain, ...]:
+    """The terrains on which constraints stand, each once."""
+    found = [on for constraint in constraints if isinstance(on := getattr(constraint, "on", None), Terrain)]
+    return tuple({id(on): on for on in found}.values())

@@ -48,6 +48,7 @@ class Mark:
         seen_through: Whether it shines faintly through what hides it.
         layer: With what it is shown and hidden: one of `rbd.visual.pages.link.LAYERS`.
         label: What the page says of it; None: nothing.
+        scenery: Whether it is of the world: it casts and takes shadows, and the camera need not see all of it.
     """
 
     path: str
@@ -57,6 +58,7 @@ class Mark:
     seen_through: bool = False
     layer: str = "forces"
     label: Label | None = None
+    scenery: bool = False
 
     @property
     def points(self) -> Array:

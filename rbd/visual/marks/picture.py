@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.terrain.terrain import Terrain, terrains_of
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.model.world import is_standard
@@ -45,6 +46,7 @@ from rbd.visual.marks.other_constraints import (
 from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
 from rbd.visual.marks.shown_force import NOWHERE, ShownForce, force_marks
 from rbd.visual.marks.surfaces import ShownSurface, surface_entries, surface_marks, surfaces_of
+from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
 from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
 
 if TYPE_CHECKING:
@@ -63,6 +65,7 @@ class Picture:
         torques: Of the motors.
         elements: Springs, dampers and other force elements.
         surfaces: Planes that the contacts touch, other than the floor.
+        terrains: Terrains that the contacts touch.
         outline: Corners of the support polygon, each on the plane of its contact, shape (k, 3) [m].
         unshown: What of the external forces and constraints has no picture, in words.
         gravity: In W, shape (3,) [m/s2].
@@ -75,6 +78,7 @@ class Picture:
     torques: tuple[ShownTorque, ...] = ()
     elements: tuple[ShownElement, ...] = ()
     surfaces: tuple[ShownSurface, ...] = ()
+    terrains: tuple[Terrain, ...] = ()
     outline: Array = field(default_factory=NOWHERE.copy)
     unshown: tuple[str, ...] = ()
     gravity: Array = field(default_factory=DOWN.copy)
@@ -104,6 +108,7 @@ class Picture:
             tuple(motor_torques(state, solution)),
             tuple(elements),
             tuple(surfaces_of(contacts, given)),
+            terrains_of(given.values()),
             support_outline(contacts),
             (*unshown, *words, *left_out),
             state.robot.gravity,
@@ -169,6 +174,7 @@ def legend_data(
     statics: Sequence[Drawn] = (),
     poses: Sequence[Entry] = (),
     note: str = "",
+    terrains: Sequence[ShownTerrain] = (),
 ) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
 
@@ -180,8 +186,10 @@ def legend_data(
         statics: Regions and largest pushes in it.
         poses: Entries of other poses in it.
         note: About these poses.
+        terrains: Those in it.
     """
-    entries = [*poses, *_forces(picture, colors), *_elements(picture, sizes), *_torques(picture.torques), *_rest(picture)]
+    entries = [*poses, *_forces(picture, colors), *_elements(picture, sizes), *_torques(picture.torques)]
+    entries += [entry(TERRAIN_COLOR, t.title, "", list(t.lines), "surfaces") for t in terrains] + _rest(picture)
     entries += [entry(color, name, layer="regions") for name, color in legend_of(statics)]
     lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
     return {"title": title, "entries": entries, "notes": [line for line in lines if line]}

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, rank_of
+from rbd.constraints.convex.polygons import outline
 from rbd.errors import InputError
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
@@ -29,44 +30,54 @@ class Footprints:
     Attributes:
         name: Of the contact.
         color: The contact's.
-        outlines: Corners in W, in order around each outline, shape (n, k, 3) [m].
+        outlines: Corners of each in W, in order around it, shapes (k, 3) [m].
     """
 
     name: str
     color: str
-    outlines: Array
+    outlines: tuple[Array, ...]
 
 
 def footprints_of(trajectory: Any) -> list[Footprints]:
     """Of each contact of three points or more, the places where all its points carried load; none if it stood in one place.
 
-    A contact that slides leaves one footprint, where it stands best: where its least loaded point carries most.
+    A contact that slides leaves one footprint, where it stands best: where its least loaded point carries most. On terrain,
+    where points come and go, it is the hull of the loaded ones, where most of them carry load.
 
     Args:
         trajectory: With points, point_forces and modes.
     """
-    found = []
+    found, terrains = [], getattr(trajectory, "terrains", ())
     for name, color in contact_colors(trajectory.points).items():
         points = np.asarray(trajectory.points[name])
         if points.shape[1] < 3:  # points and edges leave no print
             continue
-        load = np.linalg.norm(trajectory.point_forces[name], axis=-1).min(axis=-1, initial=np.inf)
-        load = np.where(np.isfinite(points).all(axis=(1, 2)), np.nan_to_num(load, posinf=0.0), 0.0)
+        each = np.linalg.norm(trajectory.point_forces[name], axis=-1)
+        load = np.where(np.isfinite(points).all(axis=(1, 2)), each.min(axis=-1, initial=np.inf), 0.0)
+        if terrains:
+            carry, many = each > 0.0, (each > 0.0).sum(axis=1)
+            load = np.where(many > 2, many + np.where(carry, each, np.inf).min(axis=1) / each.max(), 0.0)
         there = np.concatenate([[False], np.asarray(trajectory.modes[name]) != "open", [False]])
         edges = np.flatnonzero(there[1:] != there[:-1]).reshape(-1, 2).tolist()
         best = [first + int(load[first:end].argmax()) for first, end in edges]
         places: list[Array] = []
-        for outline in (points[i] for i in best if load[i] > 0.0):
-            if not places or _distance(places[-1], outline) > APART:
-                places.append(outline)
+        for corners in (_around(points[i][each[i] > 0.0]) if terrains else points[i] for i in best if load[i] > 0.0):
+            if not places or _distance(places[-1], corners) > APART:
+                places.append(corners)
         if len(places) > 1:
-            found.append(Footprints(name, color, np.array(places)))
+            found.append(Footprints(name, color, tuple(places)))
     return found
 
 
 def _distance(one: Array, other: Array) -> float:
     """How far two outlines are from each other, in sizes of the first."""
-    return float(np.linalg.norm(other - one, axis=1).max() / np.ptp(one, axis=0).max())
+    off = other - one if one.shape == other.shape else (other.mean(axis=0) - one.mean(axis=0))[None]
+    return float(np.linalg.norm(off, axis=1).max() / np.ptp(one, axis=0).max())
+
+
+def _around(points: Array) -> Array:
+    """The corners of the hull of points in a plane, seen from above, in order, shape (k, 3)."""
+    return points[outline(points[:, :2].tolist())]
 
 
 Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone | Footprints
@@ -160,7 +171,7 @@ def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: A
 
 
 def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
-    flat = stood.outlines + [0.0, 0.0, sizes.lift]
+    flat = [outline + [0.0, 0.0, sizes.lift] for outline in stood.outlines]
     edges = [primitives.line(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
     areas = [primitives.polygon(outline) for outline in flat]
     return [Mark(f"{at}/edges", edges, stood.color, 0.6), Mark(f"{at}/areas", areas, stood.color, 0.18)]

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import member
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.problem.ground import Ground
 from rbd.visual import shapes
 from rbd.visual.marks import primitives
@@ -114,7 +115,7 @@ def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint])
     found: list[ShownSurface] = []
     for contact in contacts:
         patch, on = contact.patch, member(given.get(contact.name), "on")
-        if patch is None:
+        if patch is None or isinstance(on, Terrain):  # which is drawn whole
             continue
         plane, twist, about = plane_of(contact), np.zeros(6), contact.corners.mean(axis=0)
         ground = on if isinstance(on, Ground) and on.motion is None else patch.on

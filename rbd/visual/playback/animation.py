@@ -249,7 +249,8 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         times.append(second.t)
         shift = page.second.shift if page.second is not None else ()
         prints = footprints_of(second)
-        outlines += [replace(stood, name=f"{stood.name}, 2", outlines=stood.outlines + shift) for stood in prints]
+        moved = [tuple([corners + shift for corners in stood.outlines]) for stood in prints]
+        outlines += [replace(p, name=f"{p.name}, 2", outlines=o) for p, o in zip(prints, moved, strict=True)]
     first, last = float(page.frames.times[0]), float(page.frames.times[-1])
     follows = page.goes_far(FAR) if given.follow is None else bool(given.follow)
     settings: dict[str, object] = {
@@ -263,6 +264,7 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
     if sheet is not None:
         settings["sheet"] = sheet
     scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
+    scene.stand_on(*page.terrains)
     if given.footprints and outlines:
         scene.draw(*outlines)
     return scene

@@ -163,9 +163,13 @@ def _without_points(shown: ShownMotion) -> list[str]:
 
 
 def _without_surfaces(shown: ShownMotion) -> list[str]:
-    """Which contacts carry load off the ground z = 0, in words: walls, slopes and tables are not recorded."""
+    """Which contacts carry load off the ground z = 0 and off terrain, in words: walls, slopes and tables are not recorded."""
     loaded = {name: np.linalg.norm(f, axis=-1) > 0.0 for name, f in shown.point_forces.items()}
     heights = {name: np.where(loaded[name], np.asarray(points)[..., 2], 0.0) for name, points in shown.points.items()}
+    for terrain in shown.terrains:
+        for name, points in shown.points.items():
+            at = loaded[name] & (np.abs(heights[name]) > OFF_GROUND)
+            heights[name][at] = terrain.distances(np.asarray(points)[at])
     names = [name for name, height in heights.items() if (np.abs(height) > OFF_GROUND).any()]
     return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
 

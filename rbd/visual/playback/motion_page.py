@@ -15,6 +15,7 @@ from rbd.simulation.simulated_motion import OPEN, Event
 from rbd.visual.marks.applied_forces import RELAXED
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.picture import scale_note
+from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
 from rbd.visual.playback.curves import packed
 from rbd.visual.playback.motion_frames import (
     ELEMENT_COLORS,
@@ -213,6 +214,21 @@ class MotionPage:
             marks.append((some[0].t, {"name": name, "kind": kind, "point": kinds[kind], "words": words}))
         return [{"t": round(float(t), 9), **mark} for t, mark in sorted(marks, key=lambda each: each[0])]
 
+    @lazy
+    def terrains(self) -> tuple[ShownTerrain, ...]:
+        """What is drawn of the terrains, around all that moves, where it is drawn."""
+        places = self.frames.poses[:, :, :3].reshape(-1, 3)
+        own = tuple(ShownTerrain.about(terrain, places, self.shift) for terrain in self.shown.terrains)
+        return own if self.second is None else own + self.second.terrains
+
+    def _floors(self) -> str:
+        """Height of the terrain under the centre of mass at each frame, packed; empty where there is none."""
+        com = self.frames.com
+        if not self.shown.terrains or not len(com):
+            return ""
+        above = np.min([terrain.heights_of(com) for terrain in self.shown.terrains], axis=0)
+        return packed(np.where(np.isfinite(above), com[:, 2] - above, 0.0))
+
     def _stretches(self, name: str) -> list[tuple[float, float, int]]:
         """(from, to, code) of each time in one mode other than "open", for its lane above the bar."""
         code = {word: i for i, word in enumerate(self.words)}
@@ -269,6 +285,9 @@ class MotionPage:
             "com": COM_COLOR if len(frames.com) else "",
             "support": SUPPORT_COLOR,
             "ground": self.ground,
+            "floors": self._floors(),
+            "terrains": [one.title for one in self.terrains if one.terrain in self.shown.terrains],
+            "terrainColor": TERRAIN_COLOR,
             "sizes": {
                 **{name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")},
                 "longest": self.longest,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, as_float
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.robots.robot import Robot
@@ -60,6 +61,7 @@ class ShownMotion:
         events: Marks on the bar.
         lanes: {mode that is no contact's: its colour}, of those with a lane above the bar.
         pushes: Forces that are no contacts', at each sample.
+        terrains: Those that it takes place on.
         down: By how much the motion was lowered [m]: so is a second one.
         charts: The charts that are chosen.
         defaults: {setting of `Playback`: its value for this kind of motion where none is given}.
@@ -80,6 +82,7 @@ class ShownMotion:
     events: Sequence[Event] = ()
     lanes: Mapping[str, str] = field(default_factory=dict)
     pushes: tuple[Track, ...] = ()
+    terrains: tuple[Terrain, ...] = ()
     down: float = 0.0
     charts: Callable[[Choice], list[CurveChart]] = lambda _: []  # noqa: E731
     defaults: Mapping[str, Any] = field(default_factory=dict)
@@ -108,7 +111,8 @@ class ShownMotion:
             raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
         forces = {} if missing else {name: getattr(trajectory, name) for name in FORCES}
         robot, t, charts = drawable(trajectory.robot), np.asarray(trajectory.t, float), partial(charts_of, trajectory)
-        return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, **forces)
+        terrains = getattr(trajectory, "terrains", ())
+        return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, terrains=terrains, **forces)
 
 
 def a_time(what: str, value: object, first: float, last: float) -> float:

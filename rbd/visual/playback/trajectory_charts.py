@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygons import convex_hull, half_planes
+from rbd.constraints.convex.polygons import across, convex_hull, half_planes
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
@@ -255,6 +255,8 @@ _MAKERS: Mapping[str, Callable[[Any], CurveChart | None]] = {
 }
 
 
+_IN_PLANE_M = 1e-3
+"""Points of a contact this near to the plane of the loaded ones are in it [m]."""
 _FLAT = 1e-6
 """Points whose spread along one axis is less than this share of their largest, both squared, are in a plane or on a line."""
 
@@ -299,7 +301,8 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
     """Distance of the centre of pressure from the edge of its sole at each time, shape (n,) [m]; None if it is no flat sole.
 
     NaN while it carries no load. The edge is the convex hull of its points, the centre of pressure the mean of the points
-    weighted by their normal forces; a pull counts as none.
+    weighted by their normal forces; a pull counts as none. Where points come and go, as on terrain, the edge is that of the
+    part that rests: of the points in the plane of the loaded ones.
 
     Args:
         points: Of the contact in W, shape (n, k, 3) [m].
@@ -308,9 +311,11 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
     if (normal := normals_of(points, forces)) is None:
         return None
     complete = np.isfinite(points).all(axis=(1, 2))
+    if not np.ptp(np.linalg.norm(points - points[:, :1], axis=2), axis=0).max() < _IN_PLANE_M:  # NaN where one is not there
+        load = np.maximum(np.einsum("nki,ni->nk", forces, normal), 0.0)
+        far = [_edge_distance(*each) if each[1].any() else np.nan for each in zip(points, load, normal, strict=True)]
+        return np.array(far)
     i = int(complete.argmax())
-    if not complete.any():
-        return None
     arms = points[i] - points[i].mean(axis=0)
     _, sizes, axes = np.linalg.svd(arms)
     flat = arms @ axes[:2].T
@@ -322,6 +327,17 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
     with np.errstate(invalid="ignore", divide="ignore"):
         centre = load @ flat / load.sum(axis=1)[:, None]
     return np.where(complete, (centre @ inward.T - offsets).min(axis=1), np.nan)
+
+
+def _edge_distance(points: Array, load: Array, normal: Array) -> float:
+    """Of the centre of pressure from the edge of the part of a sole that rests, at one time [m]; NaN where that is no area."""
+    centre = (load[:, None] * np.nan_to_num(points)).sum(axis=0) / load.sum()
+    arms = points[np.isfinite(points).all(axis=1)] - centre
+    arms = arms[np.abs(arms @ normal) < _IN_PLANE_M]
+    hull = convex_hull(arms @ across(normal).T)
+    if len(hull) < 3:
+        return np.nan
+    return float((-half_planes(hull)[1]).min())
 
 
 def carries_weight(points: Array, forces: Array) -> bool:

@@ -67,6 +67,7 @@ class Cast {
     else this.takeAlong(motion.riders || []);
     this.ghost = motion.ghost ? motion.parts.map((part) => ({ ...part, body: part.body + motion.ghost.bodies })) : [];
     this.start = null;
+    this.floors = motion.floors ? floats(motion.floors) : [];
     if (motion.com) this.makeCom(sizes);
     this.halo = twice(new T.SphereGeometry(1, 24, 16), "#000000", 0.5, 0);
     this.halo.visible = false;
@@ -222,7 +223,7 @@ class Cast {
     }
     let k = 7 * bodies;
     const com = [row[k], row[k + 1], row[k + 2]];
-    if (this.ball) this.showCom(com, sizes);
+    if (this.ball) this.showCom(com, sizes, this.floors.length ? this.floors[frame] : 0);
     k += 3;
     const loaded = [];
     for (const track of this.tracks) {
@@ -274,12 +275,13 @@ class Cast {
     material.emissive.set(color).multiplyScalar(0.4);
   }
 
-  showCom(com, { lift }) {
+  // Above ground of this height.
+  showCom(com, { lift }, floor) {
     this.ball.position.set(...com);
     if (!this.drop) return;
-    this.drop.position.set(com[0], com[1], com[2] / 2);
-    this.drop.scale.z = Math.max(Math.abs(com[2]), 1e-6);
-    this.foot.position.set(com[0], com[1], lift);
+    this.drop.position.set(com[0], com[1], (com[2] + floor) / 2);
+    this.drop.scale.z = Math.max(Math.abs(com[2] - floor), 1e-6);
+    this.foot.position.set(com[0], com[1], floor + lift);
   }
 
   showDot(dot, p, there, closed) {
@@ -333,6 +335,7 @@ class Cues {
       return { ...made, vector };
     });
     if (motion.com) row("centre of mass", motion.com);
+    for (const name of motion.terrains || []) row(name, motion.terrainColor);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
       if (note) make("p", "", legend, note);

@@ -1,0 +1,146 @@
+"""Terrain in pictures and files: solids, shadows, footprints and polygons at its height, and motions that keep it."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.constraints.terrain.plain import plain_of, terrain_of
+from rbd.model.content_hash import digest
+from rbd.simulation import Trajectory
+from rbd.visual.marks.mark import Sizes
+from rbd.visual.marks.regions import footprints_of
+from rbd.visual.marks.terrain import ShownTerrain, terrain_marks
+from rbd.visual.playback.motion_frames import frames_of
+from rbd.visual.playback.motion_page import MotionPage
+from rbd.visual.playback.shown_motion import ShownMotion
+from rbd.visual.playback.trajectory_charts import edge_distances
+from rbd.visual.robot_meshes import robot_parts
+
+BOX = rbd.load_robot("box")
+STAIRS = rbd.Terrain.stairs(0.1, 0.3, 3)
+SIZES = Sizes(1.0, 0.01)
+X = np.arange(6) * 0.25
+GRID = rbd.Terrain.heights(0.2 * X[:, None] + 0.1 * np.sin(4.0 * X), 0.25, friction=0.5)
+KINDS = {
+    "stairs": STAIRS,
+    "grid": GRID,
+    "slope": rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0.2), normal=(0.6, 0.0, 0.8)), "grid": GRID.solids[0]}),
+}
+
+
+def drawn(terrain: rbd.Terrain, about: Any) -> dict[str, Any]:
+    marks = terrain_marks(0, ShownTerrain.about(terrain, np.array(about, float)), SIZES)
+    return {mark.path.rsplit("/", 1)[1]: mark for mark in marks}
+
+
+@pytest.fixture(scope="module")
+def steps() -> Trajectory:
+    """A box that rests with 11 cm over the edge of a tread of 10 cm height."""
+    state = rbd.State(BOX, [0.09, 0.0, 0.1, 0, 0, 0, 1])
+    face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.1), friction=0.6, on=STAIRS)
+    return rbd.simulate(state, [face], duration=0.05, step=5e-3, progress=False)
+
+
+def test_solids_are_where_the_terrain_is():
+    """All corners that are drawn are on the surface of the terrain, a hair below it, and its sides end below its lowest top."""
+    for terrain in KINDS.values():
+        mesh = drawn(terrain, [[0.3, 0.2, 0.1], [0.6, 0.4, 0.3]])["solid"].shape
+        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+        up = np.cross(b - a, c - a)
+        tops = ((a + b + c) / 3.0)[up[:, 2] > 1e-6 * np.linalg.norm(up, axis=1)] + [0.0, 0.0, 0.5 * SIZES.lift]
+        assert len(tops) > 1
+        away = terrain.distances(tops)
+        assert away.max() < 1e-9 and (abs(away) < 1e-9).sum() > 7  # inside is what pieces share
+    sides = drawn(STAIRS, [[0.0, 0.0, 0.0]])["solid"].points
+    assert sides[:, 2].min() == pytest.approx(-0.1 * SIZES.body, abs=SIZES.lift)
+    assert 0.3 < sides[:, 2].max() + SIZES.lift
+
+
+def test_edges_of_treads_are_drawn():
+    """Each tread has its front edge as a line, across its width; between the flat triangles of a grid there is none."""
+    edges = drawn(STAIRS, [[0.3, 0.0, 0.2]])["edges"].shape
+    ends = np.array([one.points for one in edges])
+    for x, z in ((0.0, 0.1), (0.3, 0.2), (0.6, 0.3)):
+        assert (np.abs(ends - [[[x, -1.0, z], [x, 1.0, z]]]).max(axis=(1, 2)) < 1e-12).any() or (
+            np.abs(ends - [[[x, 1.0, z], [x, -1.0, z]]]).max(axis=(1, 2)) < 1e-12
+        ).any()
+    assert not drawn(GRID, [[0.3, 0.0, 0.2]])["edges"].shape
+
+
+def test_a_scene_shows_it_in_place_of_the_floor():
+    """The terrain is in the legend, no plane is drawn besides, and the camera sees the robot as without it."""
+    state = rbd.State(BOX, [0.09, 0.0, 0.1, 0, 0, 0, 1])
+    face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.1), friction=0.6, on=STAIRS)
+    with rbd.visual.Scene(BOX) as scene:
+        scene.show(state, rbd.solve(state, [], [face]))
+        paths = [mark.path for mark in scene.drawn]
+        assert "terrain/0/solid" in paths and not any(path.startswith("surfaces") for path in paths)
+        corners = next(mark for mark in scene.drawn if mark.path == "support/outline").points
+        np.testing.assert_allclose(np.unique(corners[:, 0].round(9)), [0.0, 0.29])  # what is over the edge does not support
+        np.testing.assert_allclose(corners[:, 2], 0.1, atol=2.0 * scene.sizes.lift)
+        page = scene.page()
+        assert "terrain of 4 pieces" in page
+        (view,) = re.findall(r'\{"view": .*?"cell": [0-9.]+\}\}', page.replace('\\"', '"'))[-1:]
+        assert json.loads(view)["view"]["cell"] == 0.0 and json.loads(view)["view"]["radius"] < 2.0
+        scene.show(state)
+        assert not any(mark.scenery for mark in scene.drawn)
+        scene.stand_on(GRID)
+        assert any(mark.scenery for mark in scene.drawn)
+        with pytest.raises(rbd.InputError, match="no terrain"):
+            scene.stand_on(3.0)  # type: ignore[arg-type]
+
+
+def test_motions_keep_it(steps, tmp_path):
+    """A saved motion, a slice and a pickle have the terrain, and its page stands on it: no words of what is not drawn."""
+    path = tmp_path / "steps.npz"
+    steps.save(path)
+    for motion in (steps, steps[::2], Trajectory.load(path)):
+        (terrain,) = motion.terrains
+        assert digest(terrain, "terrain") == digest(STAIRS, "terrain")
+        shown = ShownMotion.of_trajectory(motion)
+        page = MotionPage(shown, frames_of(shown, [1]), robot_parts(BOX), SIZES, True)
+        assert not page.frames.left_out and [one.terrain for one in page.terrains] == [terrain]
+    text = rbd.visual.export_motion(Trajectory.load(path), tmp_path / "steps.html").read_text(encoding="utf-8")
+    assert "terrain of 4 pieces" in text and "terrain/0/solid" in text
+
+
+def test_points_that_come_and_go(steps):
+    """Footprints and the distance from the edge are those of the part that rests, 29 cm of 40 cm."""
+    far = edge_distances(steps.points["face"], steps.point_forces["face"])
+    np.testing.assert_allclose(steps.forces["face"][:, 2], 9.81 * BOX.mass, rtol=1e-9)
+    np.testing.assert_allclose(far, 0.09, atol=1e-6)
+
+    class Moved:
+        """The box on one tread, then, a quarter longer on it, on the next."""
+
+        terrains = (STAIRS,)
+        points = {"face": np.array([steps.points["face"][1], np.full_like(steps.points["face"][1], np.nan),
+                                    steps.points["face"][1] + [0.3, 0.0, 0.1]])}  # fmt: skip
+        point_forces = {"face": np.array([steps.point_forces["face"][1]] * 3) * [[[1.0]], [[0.0]], [[1.0]]]}
+        modes = {"face": np.array(["sticks", "open", "sticks"])}
+
+    (found,) = footprints_of(Moved)
+    assert [len(outline) for outline in found.outlines] == [4, 4]
+    np.testing.assert_allclose(found.outlines[0][:, 2], 0.1, atol=1e-9)
+    np.testing.assert_allclose(found.outlines[1] - found.outlines[0], np.tile([0.3, 0.0, 0.1], (4, 1)), atol=1e-12)
+
+
+def test_its_content(tmp_path):
+    """Terrains of equal geometry have equal digests, also after their surface was used; others do not; files keep all bits."""
+    for make in (lambda: rbd.Terrain.stairs(0.1, 0.3, 3), lambda: rbd.Terrain.heights(GRID.solids[0].z, 0.25, friction=0.5)):
+        one, other = make(), make()
+        other.distances([[0.3, 0.2, 0.3]])
+        assert digest(one, "terrain") == digest(other, "terrain")
+        again = terrain_of(json.loads(json.dumps(plain_of(one))))
+        assert digest(again, "terrain") == digest(one, "terrain") and str(again) == str(one)
+    assert digest(STAIRS, "terrain") != digest(rbd.Terrain.stairs(0.1, 0.3 + 1e-15, 3), "terrain")
+    assert digest(STAIRS, "terrain") != digest(rbd.Terrain.stairs(0.1, 0.3, 3, friction=0.5), "terrain")
+    for given in ({}, 3, {"friction": None, "pieces": [["a", {"faces": [[0, 0, 1, 0]], "vertices": [], "loops": [[4]]}]]}):
+        with pytest.raises(rbd.InputError, match="terrain"):
+            terrain_of(given)
