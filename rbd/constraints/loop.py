@@ -41,7 +41,7 @@ KINDS = {
 """Kinds of closures, with their numbers of rows."""
 
 _HERE = pin.SE3.Identity()
-_WORLD = np.eye(3)
+_WORLD, _NO_AXES = np.eye(3), np.zeros((3, 3))
 _OPPOSITE = 1e-8
 """1 + cosine between two axes below which they count as opposite: 180 deg to 0.01 deg, where the rotation is ambiguous."""
 _ACROSS = ("planar", "cylindrical", "prismatic")
@@ -63,7 +63,7 @@ class LoopClosure(Displayed):
         "rigid"      x (3), turn (3)                                   the frames coincide
         "planar"     t1 . x, t2 . x (2)                                the origins coincide, seen along `axis`
         "cylindrical"  t1 . x, t2 . x, the turn of "revolute" (4)      "revolute", but frame_b may be displaced along `axis`
-        "prismatic"  t1 . x, t2 . x, the turn of "rigid" (5)           "rigid", but frame_b may be displaced along `axis`
+        "prismatic"  t1 . x, t2 . x, turn about t1, t2, axis (5)       "rigid", but frame_b may be displaced along `axis`
         "universal"  x (3), u . z (1)                                  the origins coincide, and `axis_b` is across `axis`
         "rod"        |x| - length (1)                                  the origins are `length` apart
         "rope"       length - |x| (1, none where it is slack)          likewise; zero or more where it holds
@@ -165,6 +165,21 @@ class LoopClosure(Displayed):
     def directions(self) -> Array:
         """Those of its displacements in frame_a, as columns, shape (3, 3); of "planar" and slides the third has no row."""
         return self._axes if self.kind in _ACROSS else _WORLD
+
+    @property
+    def slides(self) -> int:
+        """Number of rows that are displacements."""
+        return min(KINDS[self.kind], 2 if self.kind in _ACROSS else 3)
+
+    @property
+    def turning_axes(self) -> Array | None:
+        """Axes of the rows that turn: (t1, t2, axis) of a hinge, zero of a weld, (axis_b, 0, axis) of a cross; else None.
+
+        Of cylindrical and prismatic ones in the axes of `directions`, in which their rows are.
+        """
+        if self.kind == "universal":
+            return np.column_stack([self.axis_b, np.zeros(3), self.axis])
+        return {"revolute": self._axes, "cylindrical": _WORLD, "rigid": _NO_AXES, "prismatic": _NO_AXES}.get(self.kind)
 
     @property
     def cone(self) -> Free | NonNegative:
@@ -337,9 +352,16 @@ def _weld(loop: LoopClosure, R_ab: Array, w: Array, dw: Array) -> tuple[Array, A
     return 2.0 * x, E, E @ dw - 0.5 * float(w @ w) * x
 
 
+def _guide(loop: LoopClosure, R_ab: Array, w: Array, dw: Array) -> tuple[Array, Array, Array]:
+    """As of a weld, about t1, t2 and the axis."""
+    turn, E, bias = _weld(loop, R_ab, w, dw)
+    D = loop._axes.T
+    return D @ turn, D @ E, D @ bias
+
+
 _TURNS = {
     "revolute": LoopClosure._hinge, "cylindrical": LoopClosure._hinge,
-    "rigid": _weld, "prismatic": _weld, "universal": _cross_of,
+    "rigid": _weld, "prismatic": _guide, "universal": _cross_of,
 }  # fmt: skip
 
 FEWEST = 3

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.answers.prepared.constraint_dynamics import prepared
 from rbd.constraints.loop import KINDS
 from rbd.mechanism import mobility
 from rbd.model.checked_model import CheckedModel
@@ -230,3 +231,25 @@ def test_one_state_and_many_by_every_form_and_solver_agree(kind):
         assert np.abs(many.forces["loop"][0] - expected.forces["loop"]).max() < 1e-5 * max(
             1.0, np.abs(expected.forces["loop"]).max()
         )
+
+
+@pytest.mark.parametrize("frames", [("arm_left_7_link", "arm_right_7_link"), ("universe", "arm_left_7_link")])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("rod", "rope")])
+def test_the_prepared_form_of_a_closed_loop_agrees_with_the_general_one(kind, frames):
+    """Moving on it, beside a held foot: accelerations and forces to 1e-10 of the largest; rods take the general way alone."""
+    talos = rbd.load_robot("talos")
+    more = {"axis_b": (1.0, 0.2, 0.0)} if kind == "universal" else {}
+    loop = rbd.LoopClosure("loop", *frames, kind=kind, axis=(0.0, 0.1, 1.0), **more)
+    rng = np.random.default_rng(5)
+    start = talos.at(pin.integrate(talos.model, talos.standing().q, 0.1 * rng.normal(size=talos.nv)))
+    q = rbd.mechanism.assemble(start, [loop]).q
+    foot = talos.soles(None, on=None)[:1]
+    moving = rbd.mechanism.project_velocity(talos.at(q, 0.5 * rng.normal(size=talos.nv)), [loop, *foot])
+    tau = 0.1 * rng.normal(size=talos.nu)
+    form = prepared(talos, (loop, *foot))
+    assert form is not None
+    found = rbd.solve(moving, tau, [loop, *foot])
+    general = rbd.solve_problem(rbd.gauss_problem(moving, tau, [loop, *foot]), solver=rbd.KKT())
+    assert np.abs(found.a - general.a).max() < 1e-10 * np.abs(general.a).max()
+    assert np.abs(found.forces["loop"] - general.forces["loop"]).max() < 1e-9 * max(1.0, np.abs(general.forces["loop"]).max())
+    assert (found.solver, general.solver) == ("ContactDynamics", "KKT")

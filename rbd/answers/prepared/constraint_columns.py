@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.prepared.contact_bodies import NO_MOTION, OF_BASE, OF_BODY, Site
+from rbd.answers.prepared.contact_bodies import NO_MOTION, OF_BASE, OF_BASE_TWO, OF_BODY, Site
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
@@ -93,7 +93,9 @@ def site_of(columns: Sequence[Column]) -> Site:
     if first.closes is not None:
         x, y = first.force, columns[1].force
         R = np.column_stack([x, y, np.cross(x, y)])
-        return made(pin.SE3(R, first.point), len(columns), OF_BASE, turn=first.turn)
+        slides = sum(c.axes == kernel.SURFACE for c in columns)
+        axes = OF_BASE_TWO if slides == 2 else OF_BASE
+        return made(pin.SE3(R, first.point), len(columns), axes, turn=first.turn)
     points = np.array([c.point for c in columns])
     centre, size = points.mean(axis=0), 6
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=True)
@@ -156,15 +158,16 @@ def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
 
 
 def _loop(robot: CheckedModel, loop: LoopClosure) -> Source | None:
-    """Of a loop: forces, and moments of a hinge or a weld, on the body of frame_b, in axes of that of frame_a."""
+    """Of a loop: forces, and moments of a hinge, a weld or a cross, on the body of frame_b, in axes of that of frame_a."""
     (base, X_a), (joint, X_b), kernel = robot.site(loop.frame_a), robot.site(loop.frame_b), law_kernel()
-    if joint == base or loop.kind not in ("point", "planar", "revolute", "rigid"):
+    if joint == base or loop.kind in ("rod", "rope"):  # of a direction that changes
         return None
-    axes = {"revolute": loop._axes, "rigid": np.zeros((3, 3))}.get(loop.kind)
-    turn = NO_MOTION if axes is None else tuple(np.concatenate([X_b.rotation.ravel(), axes.ravel()]).tolist())
+    axes = loop.turning_axes
+    turned = X_b.rotation @ loop.directions
+    turn = NO_MOTION if axes is None else tuple(np.concatenate([turned.ravel(), axes.ravel()]).tolist())
     made = partial(Column, joint, point=X_b.translation, along=X_a.translation, base=base, closes=loop, turn=turn)
-    forces = [made(X_a.rotation @ F, axes=kernel.SURFACE) for F in loop.directions.T[: min(loop.size, 3)]]
-    moments = [made(row, axes=kernel.LOOP_MOMENT) for row in np.eye(3)[: max(loop.size - 3, 0)]]
+    forces = [made(X_a.rotation @ F, axes=kernel.SURFACE) for F in loop.directions.T[: loop.slides]]
+    moments = [made(row, axes=kernel.LOOP_MOMENT) for row in np.eye(3)[: loop.size - loop.slides]]
     return Source(loop.name, loop.cone, [*forces, *moments])
 
 

@@ -26,6 +26,7 @@ from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source,
 from rbd.answers.prepared.contact_bodies import (
     MOST,
     OF_BASE,
+    OF_BASE_TWO,
     WORLD,
     JointEntry,
     Site,
@@ -151,7 +152,7 @@ class Plan(Workspaces):
         kernel, motions = self._kernel, list[tuple[float, ...]]()
         for members in bodies.values():
             site = site_of([c for _, c in members])
-            R, by_rows = site.X_JC.rotation, site.axes == OF_BASE
+            R, by_rows = site.X_JC.rotation, site.axes in (OF_BASE, OF_BASE_TWO)
             for i, (j, c) in enumerate(members):
                 turned = R.T @ c.force if c.axes == kernel.BODY else c.force
                 moment = c.moment if c.axes >= kernel.EDGE else R.T @ c.moment

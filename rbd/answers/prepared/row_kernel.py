@@ -26,7 +26,7 @@ JOINT, LAST, ROW, SIZE, AXES, BASE, BASE_LAST = range(7)
 """Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows (up to three of a point,
 then up to three of the body's turning), in which axes; the joint of the surface that it is on, 0 of ground that moves, -1 of
 ground at rest, and the last dof that moves that."""
-OF_BODY, OF_WORLD, OF_BASE = range(3)
+OF_BODY, OF_WORLD, OF_BASE, OF_BASE_TWO = range(4)
 """Axes of rows: given in the joint's axes; the world's; given in those of the surface."""
 
 
@@ -150,7 +150,9 @@ def _take_away(R: Array, surface: Array, motion: Array) -> None:
 
 
 @compiled
-def _jacobian(J: Array, i: int, parent: Array, axes: Array, p: Array, at: int, size: int, sign: float, W: Array) -> None:
+def _jacobian(
+    J: Array, i: int, parent: Array, axes: Array, p: Array, at: int, size: int, slides: int, sign: float, W: Array
+) -> None:
     """Add the columns of J^T of the dofs from i on that move a point of the world, in the rows' directions.
 
     Args:
@@ -161,16 +163,18 @@ def _jacobian(J: Array, i: int, parent: Array, axes: Array, p: Array, at: int, s
         p: The point.
         at: The first row.
         size: How many.
+        slides: How many of these are directions of a point; the others are of turning.
         sign: Of what is added.
         W: Written.
     """
     while i >= 0:
         wx, wy, wz = J[3, i], J[4, i], J[5, i]
         vx, vy, vz = J[0, i] + wy * p[2] - wz * p[1], J[1, i] + wz * p[0] - wx * p[2], J[2, i] + wx * p[1] - wy * p[0]
-        for j in range(min(size, 3)):
-            W[i, at + j] += sign * (axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz)
-            if j < size - 3:
-                W[i, at + 3 + j] += sign * (axes[0, 3 + j] * wx + axes[1, 3 + j] * wy + axes[2, 3 + j] * wz)
+        for j in range(3):
+            if j < min(size, slides):
+                W[i, at + j] += sign * (axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz)
+            if j < size - slides:
+                W[i, at + slides + j] += sign * (axes[0, 3 + j] * wx + axes[1, 3 + j] * wy + axes[2, 3 + j] * wz)
         i = parent[i]
 
 
@@ -178,7 +182,8 @@ def _jacobian(J: Array, i: int, parent: Array, axes: Array, p: Array, at: int, s
 def loop_turn(R: Array, axes: Array, w: Array, E: Array, extra: Array, error: Array) -> None:
     """Write error, E and extra with error' = E w and error'' = E w' + extra: of R_ab, turning with w, in axes of frame_a.
 
-    As of `rbd.constraints.loop.LoopClosure`: of a hinge about the last of `axes`, two rows; of a weld, where these are zero.
+    As of `rbd.constraints.loop.LoopClosure`: of a hinge about the last of `axes`, two rows; of a weld, where these are zero; of
+    a cross, where the middle one is zero: one row, of the last and the first, which is the pin of frame_b in its axes.
     NaN where a weld is turned by 90 degrees or more.
     """
     if axes[2, 2] == 0.0 and axes[0, 2] == 0.0 and axes[1, 2] == 0.0:
@@ -189,6 +194,16 @@ def loop_turn(R: Array, axes: Array, w: Array, E: Array, extra: Array, error: Ar
             i, j = (k + 1) % 3, (k + 2) % 3
             x = (R[j, i] - R[i, j]) / (4.0 * s)
             error[k], extra[k], E[k, k], E[i, j], E[j, i] = 2.0 * x, -0.5 * square * x, s, x, -x
+        return
+    if axes[0, 1] == 0.0 and axes[1, 1] == 0.0 and axes[2, 1] == 0.0:
+        c = R @ axes[:, 0].copy()
+        along, square = w @ c, w @ w
+        error[0] = extra[0] = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            error[0] += axes[k, 2] * c[k]
+            E[0, k] = c[i] * axes[j, 2] - c[j] * axes[i, 2]
+            extra[0] += axes[k, 2] * (along * w[k] - square * c[k])
         return
     u, y, dz, ddz, turned = axes[:, 2].copy(), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3))
     z = R @ u
@@ -240,7 +255,7 @@ def body_rows(
     for k in range(3):  # columns of `axes` are the rows' directions in the world, those of `own` in the joint's axes
         for j in range(3):
             own[k, j] = Y[3 * k + j] if site[AXES] == OF_WORLD else place[3 * k + j]
-            if site[AXES] == OF_BASE:
+            if site[AXES] >= OF_BASE:
                 own[k, j] = turn[k, 0] * place[j] + turn[k, 1] * place[3 + j] + turn[k, 2] * place[6 + j]
             own[k, 3 + j] = own[k, j]
     extra = np.zeros(3)
@@ -254,7 +269,8 @@ def body_rows(
         else:
             _ground_motion(place[12:], Y, p, surface)
         _take_away(turn, surface, motion)
-    if site[AXES] == OF_BASE and size > 3:
+    slides = 2 if site[AXES] == OF_BASE_TWO else 3
+    if site[AXES] >= OF_BASE and size > slides:
         R, E, spin, error = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3)
         for k in range(3):
             for j in range(3):
@@ -271,16 +287,18 @@ def body_rows(
                 axes[k, j] = 1.0 if k == j % 3 else 0.0
             else:
                 axes[k, j] = Y[k] * own[0, j] + Y[3 + k] * own[1, j] + Y[6 + k] * own[2, j]
-    _jacobian(J, site[LAST], parent, axes, p, at, size, 1.0, terms.W)
+    _jacobian(J, site[LAST], parent, axes, p, at, size, slides, 1.0, terms.W)
     if base >= 0:
-        _jacobian(J, site[BASE_LAST], parent, axes, p, at, size, -1.0, terms.W)
+        _jacobian(J, site[BASE_LAST], parent, axes, p, at, size, slides, -1.0, terms.W)
     v, w, a, dw = motion[0], motion[1], motion[2], motion[3]
-    for j in range(min(size, 3)):
-        terms.velocity[at + j] = own[0, j] * v[0] + own[1, j] * v[1] + own[2, j] * v[2]
-        terms.free[at + j] = own[0, j] * a[0] + own[1, j] * a[1] + own[2, j] * a[2]
-        if j < size - 3:
-            terms.velocity[at + 3 + j] = own[0, 3 + j] * w[0] + own[1, 3 + j] * w[1] + own[2, 3 + j] * w[2]
-            terms.free[at + 3 + j] = own[0, 3 + j] * dw[0] + own[1, 3 + j] * dw[1] + own[2, 3 + j] * dw[2] + extra[j]
+    for j in range(3):
+        if j < min(size, slides):
+            terms.velocity[at + j] = own[0, j] * v[0] + own[1, j] * v[1] + own[2, j] * v[2]
+            terms.free[at + j] = own[0, j] * a[0] + own[1, j] * a[1] + own[2, j] * a[2]
+        if j < size - slides:
+            r = at + slides + j
+            terms.velocity[r] = own[0, 3 + j] * w[0] + own[1, 3 + j] * w[1] + own[2, 3 + j] * w[2]
+            terms.free[r] = own[0, 3 + j] * dw[0] + own[1, 3 + j] * dw[1] + own[2, 3 + j] * dw[2] + extra[j]
 
 
 @compiled
