@@ -178,7 +178,7 @@ class LoopClosure(Displayed):
         Of cylindrical and prismatic ones in the axes of `directions`, in which their rows are.
         """
         if self.kind == "universal":
-            return np.column_stack([self.axis_b, np.zeros(3), self.axis])
+            return np.array([self.axis_b, np.zeros(3), self.axis], float).T.copy()
         return {"revolute": self._axes, "cylindrical": _WORLD, "rigid": _NO_AXES, "prismatic": _NO_AXES}.get(self.kind)
 
     @property

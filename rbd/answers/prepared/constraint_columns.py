@@ -93,9 +93,8 @@ def site_of(columns: Sequence[Column]) -> Site:
     if first.closes is not None:
         x, y = first.force, columns[1].force
         R = np.column_stack([x, y, np.cross(x, y)])
-        slides = sum(c.axes == kernel.SURFACE for c in columns)
-        axes = OF_BASE_TWO if slides == 2 else OF_BASE
-        return made(pin.SE3(R, first.point), len(columns), axes, turn=first.turn)
+        kind = OF_BASE_TWO if first.closes.slides == 2 else OF_BASE
+        return made(pin.SE3(R, first.point), len(columns), kind, turn=first.turn)
     points = np.array([c.point for c in columns])
     centre, size = points.mean(axis=0), 6
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=True)
