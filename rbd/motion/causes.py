@@ -46,7 +46,14 @@ _ROUND = 1e-6
 
 
 def without_balance(
-    terms: FrameTerms, places: Array, touches: Array, b: Array, most: Array, mu: float, ground: float
+    terms: FrameTerms,
+    places: Array,
+    touches: Array,
+    b: Array,
+    most: Array,
+    mu: float,
+    ground: float | Array,
+    axes: Array | None = None,
 ) -> tuple[Array, Array, Array]:
     """Masks (floats, friction, tips) of frames in which the base misses a wrench, each of shape (n,).
 
@@ -60,17 +67,24 @@ def without_balance(
         b: Scaled wrench that is needed, shape (n, 6).
         most: How much may be missing, shape (n,).
         mu: Friction.
-        ground: Height of the floor [m].
+        ground: Height of the floor, or of that under the robot in each frame, shape (n,) [m].
+        axes: Of what is under the points; see `ContactTimeline`.
     """
     scale = wrench_scale(terms.robot)
     n, something = len(b), np.asarray(touches.any(axis=1))
     corners = np.array([[x, y, 0.0] for x in (-_WIDE_M, _WIDE_M) for y in (-_WIDE_M, _WIDE_M)])
-    wide = np.concatenate([places, terms.com[:, None] * [1.0, 1.0, 0.0] + corners + [0.0, 0.0, ground]], axis=1)
+    under = np.column_stack([terms.com[:, :2], np.broadcast_to(ground, n)])
+    if axes is not None:  # a floor that is inclined as what one of the points is on
+        R = axes[np.arange(n), touches.argmax(axis=1)]
+        corners = corners @ R.transpose(0, 2, 1)
+        axes = np.concatenate([axes, np.repeat(R[:, None], 4, axis=1)], axis=1)
+    wide = np.concatenate([places, under[:, None] + corners], axis=1)
     floor = np.concatenate([touches, np.ones((n, 4), bool)], axis=1)
 
     def enough(frames: Array, at: Array, on: Array, friction: float) -> Array:
         out = np.zeros(n, bool)
-        A = terms.some(frames).wrench_map(at[frames], on[frames]) * (scale[0] / scale)[:, None, None]
+        own = None if axes is None else axes[frames, : at.shape[1]]
+        A = terms.some(frames).wrench_map(at[frames], on[frames], own) * (scale[0] / scale)[:, None, None]
         out[frames] = np.linalg.norm(nearest_in_cones(A, b[frames], friction).left, axis=1) <= most[frames]
         return out
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from rbd.arrays import Array, as_finite, check_flag, check_number
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, half_planes
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.motion import causes as why
@@ -44,7 +45,7 @@ def check_motion(
     friction: float = 0.7,
     torque_limits: bool | float = True,
     contacts: ContactTimeline | None = None,
-    ground: float | str | None = None,
+    ground: float | str | Terrain | None = None,
     threshold: float = 0.02,
     bodies: bool = False,
     self_collision: bool = True,
@@ -72,7 +73,8 @@ def check_motion(
         torque_limits: Whether the robot's torque limits count, and the torque-speed lines of its `rbd.Motor`s; or a share of
             them, 0.6.
         contacts: Which points touch, when; None: `motion.contacts`, or what `find_contacts` finds.
-        ground: Height of the floor, or "fit"; by default fitted, see `find_contacts`.
+        ground: Height of the floor, "fit", or an `rbd.Terrain`, whose own friction counts where it has one; by default fitted,
+            see `find_contacts`.
         threshold: How much of the weight may be missing.
         bodies: Whether other bodies than the feet can touch the floor.
         self_collision: Whether bodies are tested against each other.
@@ -111,12 +113,14 @@ def check_motion(
         _grasp_tolerance(grasp_tolerance),
     )  # fmt: skip
     lanes = _lanes(motion, contacts, settings)
+    if isinstance(lanes.ground, Terrain) and lanes.ground.friction is not None:
+        settings = replace(settings, friction=(mu := lanes.ground.friction))
     span = (0.0, float(motion.n))
     with one_blas_thread(), progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
         found = balance(motion, lanes, settings, limit, bounds, told)
     collisions = self_collisions(robot, motion.q, *placements(robot, motion.q)) if self_collision else None
     masks = {
-        "sinks": (lanes.heights < -why.SINKS_M).any(axis=1) | (motion.q[:, 2] < lanes.ground),
+        "sinks": (lanes.heights < -why.SINKS_M).any(axis=1) | (lanes.heights_over(motion.q[:, :3]) < 0.0),
         "joint limit": why.beyond_position(motion).any(axis=1),
         "speed limit": why.beyond_speed(motion).any(axis=1),
         "torque-speed": why.beyond_curves(found["tau"], bounds, limit),
@@ -171,7 +175,8 @@ def balance(
         terms = FrameTerms.of(robot, motion.q[at], motion.v[at], motion.a[at], sigma)
         used = np.asarray(lanes.touches[at].any(axis=0))
         points, places, touches = lanes.points.some(used), lanes.places[at][:, used], lanes.touches[at][:, used]
-        all_A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
+        axes = None if lanes.axes is None else lanes.axes[at][:, used]
+        all_A = terms.wrench_map(places, touches, axes) * (scale[0] / scale)[:, None, None]
         b, most = terms.wrench / scale, np.maximum(settings.threshold, OPEN * terms.wrench_noise)
         carry = _carrying(all_A, b, lanes.at_frames(at), used, most, mu)
         A, left, size, touches = carry.A, carry.left, np.linalg.norm(carry.left, axis=1), touches & carry.taken
@@ -180,7 +185,8 @@ def balance(
             out["causes"][at, names[name]] = mask
         out["missing"][at], out["missing_scaled"][at], out["open"][at] = left * scale, size, terms.wrench_noise
         now = bounds[0][at], bounds[1][at]
-        forces, tau = least_effort(terms, points, places, touches, A, b - left, carry.w, mu, most_torque, now)
+        forces, tau = least_effort(terms, points, places, touches, A, b - left, carry.w, mu, most_torque, now, axes)
+        forces = forces if axes is None else np.matmul(axes, forces[..., None])[..., 0]
         out["forces"][at.start : at.stop, used], out["tau"][at] = forces, tau
         noise = NOISE * terms.M_size[:, robot.actuated] / limit
         over = np.maximum(np.abs(tau) / limit - 1.0, 0.0)
@@ -188,11 +194,14 @@ def balance(
         out["causes"][at, names["motor"]] = excess.any(axis=1)
         bad = np.flatnonzero(size > most)
         if len(bad):
-            some = terms.some(bad)
-            told = why.without_balance(some, places[bad], touches[bad], b[bad], most[bad], mu, lanes.ground)
+            some, own = terms.some(bad), None if axes is None else axes[bad]
+            level = lanes.ground
+            if isinstance(level, Terrain):  # a floor as low as the lowest point that touches
+                level = np.where(touches[bad], places[bad, :, 2], np.inf).min(axis=1, initial=1e3)
+            told = why.without_balance(some, places[bad], touches[bad], b[bad], most[bad], mu, level, own)
             for name, mask in zip(("floats", "friction", "tips"), told, strict=True):
                 out["causes"][begin + bad, names[name]] = mask
-            out["nearest_a"][begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu)
+            out["nearest_a"][begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu, own)
         done(float(begin + step))
     return out
 
@@ -274,7 +283,10 @@ def _used_friction(lanes: ContactTimeline, forces: Array, weight: float, mu: flo
     """|f_t| / (mu f_n) of each contact, shape (n, contacts); NaN where it carries nothing."""
     out = np.full((len(lanes.t), len(lanes.contacts)), np.nan)
     for g in range(len(lanes.contacts)):
-        f = forces[:, lanes.points.group == g].sum(axis=1)
+        own = lanes.points.group == g
+        f = forces[:, own].sum(axis=1)
+        if lanes.axes is not None and own.any():
+            f = np.matmul(f[:, None], lanes.axes[:, np.flatnonzero(own)[0]])[:, 0]
         on = (f[:, 2] > 1e-6 * weight) & (mu > 0.0)
         out[on, g] = np.hypot(f[on, 0], f[on, 1]) / (mu * f[on, 2])
     return out
@@ -286,10 +298,17 @@ def _edge_margins(lanes: ContactTimeline, forces: Array, weight: float) -> Array
     for g, contact in enumerate(lanes.contacts):
         if not isinstance(contact, Contact) or len(contact.corners) < 3:
             continue
-        push = forces[:, lanes.points.group == g, 2]
+        own = np.flatnonzero(lanes.points.group == g)
+        push = forces[:, own, 2]
         total = push.sum(axis=1)
         on = total > CARRIED * weight
-        centre = push[on] @ contact.corners[:, :2] / total[on, None]
+        centre = push[on, : len(contact.corners)] @ contact.corners[:, :2] / total[on, None]
         normals, offsets = half_planes(convex_hull(contact.corners[:, :2]))
         out[on, g] = (centre @ normals.T - offsets).min(axis=1)
+        over = on & (False if lanes.cut is None else lanes.cut[:, own].any(axis=1))
+        for i in np.flatnonzero(over):  # within the part that rests
+            xy = lanes.places[i, own, :2]
+            hull = convex_hull(xy[lanes.touches[i, own]])
+            normals, offsets = half_planes(hull) if len(hull) > 2 else (np.zeros((1, 2)), np.zeros(1))
+            out[i, g] = (normals @ (push[i] @ xy / total[i]) - offsets).min()
     return out

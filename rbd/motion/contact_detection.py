@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_flag, check_number
 from rbd.constraints.contact import Contact
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
@@ -14,6 +15,7 @@ from rbd.motion.contact_lanes import LEAST, REST_SPEED, TOUCHES_M, slopes
 from rbd.motion.contact_timeline import ContactTimeline, FloorPoints, stretches
 from rbd.motion.frame_terms import carriers, placements
 from rbd.motion.reference_motion import Motion
+from rbd.motion.terrain_lanes import OverTerrain
 
 APART_M = 0.004
 """A point that is on the floor stays there up to 4 mm above `TOUCHES_M` [m]."""
@@ -35,7 +37,7 @@ def find_contacts(
     motion: Motion,
     *,
     bodies: bool = False,
-    ground: float | str | None = None,
+    ground: float | str | Terrain | None = None,
     touch_height: float = TOUCH_HEIGHT,
     touch_speed: float = TOUCH_SPEED,
     rest_speed: float = REST_SPEED,
@@ -57,7 +59,8 @@ def find_contacts(
         bodies: Whether other bodies than the feet can touch, by their collision shapes; without known feet
             they always can.
         ground: Height of the level floor [m]; "fit": of the lowest points while they are slow, the lower quartile; None:
-            `motion.ground` where that was given, else fitted, and 0 where this is within 2 mm.
+            `motion.ground` where that was given, else fitted, and 0 where this is within 2 mm. Or an `rbd.Terrain`: a sole
+            stands on the piece that it is nearest to, with the part of it that is over that piece's top.
         touch_height: Height up to which a foot is meant to touch [m]; 0.006: only what is on the floor touches.
         touch_speed: Speed up to which a foot is meant to touch [m/s].
         rest_speed: Fastest motion of a point that holds [m/s].
@@ -79,35 +82,38 @@ def find_contacts(
     high = check_number("touch_height", touch_height, 0.0, 10.0, expected="a height of 0 to 10 [m]")
     points = FloorPoints.of(motion.robot, bodies=bodies)
     R, p = placements(motion.robot, motion.q)
-    places = points.places(R, p)
-    speed = _speeds(motion.t, places)
-    level, notes = _ground(motion, ground, places)
-    heights = places[..., 2] - level
-    firm = held(heights, min(TOUCHES_M, high))
-    touches = firm | _meant(points, heights, speed, high, moves) if high > TOUCHES_M else firm
+    level, notes = _ground(motion, ground, fixed := points.places(R, p))
+    over = OverTerrain.of(level, points, R, p) if isinstance(level, Terrain) else None
+    if over is not None:
+        points, fixed = over.points, over.corners
+    heights, speed = over.heights if over is not None else fixed[..., 2] - level, _speeds(motion.t, fixed)
+    rests = True if over is None else over.rests
+    firm = held(heights, min(TOUCHES_M, high)) & rests
+    touches = firm | (_meant(points, heights, speed, high, moves) & rests) if high > TOUCHES_M else firm
     kept = touches.any(axis=0) | _feet(points)
-    if not kept.all():
-        points, places, heights = points.some(kept), places[:, kept], heights[:, kept]
-        touches, firm = touches[:, kept], firm[:, kept]
+    points, fixed, heights, touches, firm = points.some(kept), fixed[:, kept], heights[:, kept], touches[:, kept], firm[:, kept]
     notes += _nothing_touches(motion.t, touches)
     sigma = None if motion.derivation is None else motion.derivation.noise_q
     spread = place_noise(motion.robot, points, motion.q, sigma)
-    speeds, noise = slopes(motion.t, places[..., :2], firm, spread)
+    speeds, noise = slopes(motion.t, fixed[..., :2], firm, spread)
     if (touches != firm).any():  # stretches of points on the floor are not prolonged by those in which they are raised
-        longer, more = slopes(motion.t, places[..., :2], touches, spread)
+        longer, more = slopes(motion.t, fixed[..., :2], touches, spread)
         speeds, noise = np.where(firm, speeds, longer), np.where(firm, noise, more)
     slides = touches & (speeds > slow + NOISE * noise)
-    return ContactTimeline(motion.t, points, touches, slides, heights, speeds, places, level, noise, touches & ~firm, notes)
+    found = ContactTimeline(motion.t, points, touches, slides, heights, speeds, fixed, level, noise, touches & ~firm, notes)
+    return found if over is None else over.of_timeline(found, kept)
 
 
-def _ground(motion: Motion, given: float | str | None, places: Array) -> tuple[float, tuple[str, ...]]:
-    """(height of the floor [m], what to note of it)."""
+def _ground(motion: Motion, given: float | str | Terrain | None, places: Array) -> tuple[float | Terrain, tuple[str, ...]]:
+    """(height of the floor [m] or the terrain, what to note of it)."""
     if isinstance(given, str) and given != "fit":
-        raise InputError(f"ground is {given!r:.80}; expected 'fit', a height [m], or None.")
+        raise InputError(f"ground is {given!r:.80}; expected 'fit', a height [m], an rbd.Terrain, or None.")
     if given is None and motion.ground_given:
         given = motion.ground
+    if isinstance(given, Terrain):
+        return given, ()
     if given is not None and not isinstance(given, str):
-        return check_number("ground", given, -1e5, 1e5, expected="'fit', a height [m], or None"), ()
+        return check_number("ground", given, -1e5, 1e5, expected="'fit', a height [m], an rbd.Terrain, or None"), ()
     level = fitted_ground(motion.t, places)
     if given is None and abs(level) <= _NEAR_M:
         return 0.0, ()

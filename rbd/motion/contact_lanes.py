@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.model.sampled_motion import SampledMotion
-from rbd.motion.contact_timeline import ContactTimeline, FloorPoints
+from rbd.motion.contact_timeline import AGAIN, ContactTimeline, FloorPoints
 from rbd.motion.frame_terms import placements
+from rbd.motion.terrain_lanes import OverTerrain
 
 TOUCHES_M = 0.006
 """A point is on the floor from 6 mm over it [m]."""
@@ -63,19 +65,27 @@ class StoredContacts:
     raised: Array
     forces: Array | None
 
-    def of(self, motion: SampledMotion, ground: float) -> tuple[ContactTimeline | None, Array | None, str]:
+    def of(self, motion: SampledMotion, ground: float | Terrain) -> tuple[ContactTimeline | None, Array | None, str]:
         """(contacts of a motion, forces, what to note): None of a robot that has not these points."""
         robot, names, points = motion.robot, list(self.names), None
         with suppress(InputError):  # it has no feet, and nothing else that could touch
             points = FloorPoints.of(robot)
-            points = points if set(names) <= set(points.names) else FloorPoints.of(robot, bodies=True)
+            fixed = {name for name in names if isinstance(ground, float) or not name.endswith(AGAIN)}
+            points = points if fixed <= set(points.names) else FloorPoints.of(robot, bodies=True)
+        over = None
+        if points is not None and isinstance(ground, Terrain):
+            over = OverTerrain.of(ground, points, *placements(robot, motion.q))
+            points = over.points
         odd = [name for name in names if points is None or name not in points.names]
         if points is None or odd:
             return None, None, f"contacts of the file are not read: {robot.name} has no point {odd[0]!r:.80}."
-        points = points.some(np.isin(points.names, names))
+        kept = np.isin(points.names, names)
+        points = points.some(kept)
         at = [names.index(name) for name in points.names]
         on = self.touches[:, at]
-        lanes = lanes_of(motion, points, on, ground)
+        lanes = lanes_of(motion, points, on, ground if isinstance(ground, float) else 0.0)
+        if over is not None:
+            lanes = replace(over.of_timeline(lanes, kept), heights=over.heights[:, kept], ground=ground)
         lanes = replace(lanes, slides=on & self.slides[:, at], raised=on & self.raised[:, at])
         feet = ", ".join(points.contacts[g].name for g in np.unique(points.group))
         forces = None if self.forces is None else self.forces[:, at]

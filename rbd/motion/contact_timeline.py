@@ -13,6 +13,7 @@ from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, UnknownName, nearest
 from rbd.model.checked_model import CheckedModel
@@ -31,11 +32,13 @@ class ContactTimeline(Displayed):
         slides: Which of those that touch slide, shape (n, k).
         heights: Above the floor, shape (n, k) [m].
         speeds: Along the floor, by the slope of the position while it touches, shape (n, k) [m/s]; NaN where it does not.
-        places: Positions, shape (n, k, 3) [m].
-        ground: Height of the floor [m].
+        places: Positions, shape (n, k, 3) [m]; on terrain of a corner over an edge, of the part of its sole that rests.
+        ground: Height of the floor [m], or the terrain.
         noise: What the decimals of the data leave in a speed, standard deviation, shape (n, k) [m/s].
         raised: Which of those that touch are above the floor: of a tilted sole, or of a foot that hovers, shape (n, k).
         notes: What was assumed, in words.
+        cut: On terrain: which corners of soles are over an edge, shape (n, k); None on a floor.
+        axes: On terrain that is not level: tangents and normal of what is under each point, as columns, shape (n, k, 3, 3).
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -53,10 +56,12 @@ class ContactTimeline(Displayed):
     heights: Array
     speeds: Array
     places: Array
-    ground: float
+    ground: float | Terrain
     noise: Array
     raised: Array
     notes: tuple[str, ...] = ()
+    cut: Array | None = None
+    axes: Array | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,14 +73,20 @@ class ContactTimeline(Displayed):
         """The contacts that the points belong to; `points.group` says which."""
         return self.points.contacts
 
+    def heights_over(self, points: Array) -> Array:
+        """Heights of points (..., 3) above the floor, or above what is under them on terrain, shape (...) [m]."""
+        ground = self.ground
+        return ground.heights_of(points) if isinstance(ground, Terrain) else np.asarray(points[..., 2] - ground)
+
     def of_contact(self, name: str) -> Array:
         """Whether a point, or any point of a contact, touches, shape (n,)."""
         return np.asarray(self.touches[:, self._chosen(name)].any(axis=1))
 
     def at_frames(self, chosen: Array | slice) -> ContactTimeline:
         """The same contacts in some of the frames, by a mask, indices or a slice."""
-        arrays = ("t", "touches", "slides", "heights", "speeds", "places", "noise", "raised")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in arrays})
+        arrays = ("t", "touches", "slides", "heights", "speeds", "places", "noise", "raised", "cut", "axes")
+        given = {name: getattr(self, name) for name in arrays}
+        return replace(self, **{name: x[chosen] for name, x in given.items() if x is not None})
 
     def with_touch(self, name: str, start: float, end: float, touches: bool = True) -> ContactTimeline:
         """A copy in which a point, or all points of a contact, touch from start to end, or do not.
@@ -125,6 +136,33 @@ class ContactTimeline(Displayed):
         """Which points touch and are not raised, shape (n, k)."""
         return np.asarray(self.touches & ~self.raised)
 
+    def over_edge(self, frames: Array | Sequence[int] | slice) -> str:
+        """Which soles stand over an edge of the terrain in some of these frames: ", left_sole stands over an edge"; or ""."""
+        if self.cut is None:
+            return ""
+        cut, touches = (self.points.group_reduced(np.logical_or, x[frames]) for x in (self.cut, self.touches))
+        over = (cut & touches).any(axis=0)
+        names = [contact.name for contact, is_over in zip(self.contacts, over, strict=True) if is_over]
+        return f", {' and '.join(names)} {'stand' if len(names) > 1 else 'stands'} over an edge" if names else ""
+
+    @property
+    def zero(self) -> float:
+        """Height of the level floor, 0 on terrain [m]."""
+        return 0.0 if isinstance(self.ground, Terrain) else self.ground
+
+    def level(self, what: str) -> float:
+        """Height of the floor [m].
+
+        Raises:
+            InputError: it is a terrain, on which a motion cannot be `what`.
+        """
+        if isinstance(self.ground, Terrain):
+            raise InputError(
+                f"the contacts are those on {self.ground}; a motion can be {what} on a level floor only: check it with "
+                "ground=, a height [m]."
+            )
+        return self.ground
+
     def intervals(self, name: str) -> list[tuple[float, float]]:
         """When a point, or any point of a contact, touches: (first time, last time) of each stretch [s]."""
         return [(float(self.t[i]), float(self.t[j - 1])) for i, j in stretches(self.of_contact(name))]
@@ -164,6 +202,10 @@ def stretches(on: Array) -> list[tuple[int, int]]:
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 _DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1)[:, None]
 """A mesh counts as its vertices farthest along these."""
+
+
+AGAIN = "b"
+"""What the name of a corner's second point ends in: of a sole on terrain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +271,14 @@ class FloorPoints:
         names = tuple(name for name, chosen in zip(self.names, which, strict=True) if chosen)
         return FloorPoints(
             self.robot, self.contacts, names, self.group[which], self.joint[which], self.local[which], self.radius[which]
+        )
+
+    def and_again(self, which: Array) -> FloorPoints:
+        """These points, and some of them, by index, a second time behind them."""
+        again = np.concatenate([np.arange(len(self)), which])
+        names = (*self.names, *(f"{self.names[i]}{AGAIN}" for i in which))
+        return FloorPoints(
+            self.robot, self.contacts, names, self.group[again], self.joint[again], self.local[again], self.radius[again]
         )
 
     def group_reduced(self, of: np.ufunc, values: Array) -> Array:

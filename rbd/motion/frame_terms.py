@@ -105,8 +105,14 @@ class FrameTerms:
         F = np.matmul(self.R, rows[:, :3, None])[..., 0]
         return np.hstack([F, np.matmul(self.R, rows[:, 3:, None])[..., 0] + np.cross(self.base - self.com, F)])
 
-    def wrench_map(self, places: Array, touches: Array) -> Array:
-        """Wrenches about the centre of mass of unit forces x, y, z at points, shape (n, 6, k, 3); zero where none touch."""
+    def wrench_map(self, places: Array, touches: Array, axes: Array | None = None) -> Array:
+        """Wrenches about the centre of mass of unit forces at points, shape (n, 6, k, 3); zero where none touch.
+
+        Args:
+            places: Shape (n, k, 3) [m].
+            touches: Shape (n, k).
+            axes: The forces' directions, as columns, shape (n, k, 3, 3); None: x, y and z.
+        """
         n, k, _ = places.shape
         x, y, z = np.moveaxis(places - self.com[:, None], -1, 0)
         out = np.zeros((n, 6, k, 3))
@@ -115,10 +121,10 @@ class FrameTerms:
         out[:, 3, :, 1], out[:, 3, :, 2] = -z, y
         out[:, 4, :, 0], out[:, 4, :, 2] = z, -x
         out[:, 5, :, 0], out[:, 5, :, 1] = -y, x
-        return np.where(touches[:, None, :, None], out, 0.0)
+        return turned(np.where(touches[:, None, :, None], out, 0.0), axes)
 
-    def joint_map(self, points: FloorPoints, places: Array, touches: Array, rows: Array) -> Array:
-        """Torques at coordinates `rows` that unit forces along x, y, z at points replace, shape (n, rows, k, 3)."""
+    def joint_map(self, points: FloorPoints, places: Array, touches: Array, rows: Array, axes: Array | None = None) -> Array:
+        """Torques at coordinates `rows` that unit forces at points replace, shape (n, rows, k, 3); see `wrench_map`."""
         n, k, _ = places.shape
         out = np.zeros((n, len(rows), k, 3))
         linear, angular = self.J[:, :3, rows].transpose(0, 2, 1), self.J[:, 3:, rows].transpose(0, 2, 1)
@@ -127,7 +133,12 @@ class FrameTerms:
             on = np.flatnonzero(carried[points.joint[j]])
             moved = linear[:, on] + np.cross(angular[:, on], places[:, j, None])
             out[:, on, j] = np.where(touches[:, j, None, None], moved, 0.0)
-        return out
+        return turned(out, axes)
+
+
+def turned(maps: Array, axes: Array | None) -> Array:
+    """Maps of forces along x, y, z, shape (n, r, k, 3), as maps of forces along axes (n, k, 3, 3), their columns."""
+    return maps if axes is None else np.einsum("nrki,nkij->nrkj", maps, axes)
 
 
 def numbers_of(robot: CheckedModel) -> tuple[Array, Array]:

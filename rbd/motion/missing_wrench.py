@@ -31,6 +31,7 @@ def least_effort(
     mu: float,
     limit: Array,
     bounds: tuple[Array, Array],
+    axes: Array | None = None,
 ) -> tuple[Array, Array]:
     """(forces (n, k, 3) [N], torques (n, nu) [N m]) with a given net wrench.
 
@@ -51,11 +52,12 @@ def least_effort(
         mu: Friction.
         limit: Torque limits at rest, shape (nu,), inf where there is none.
         bounds: Least and largest torques of each frame, shapes (n, nu). Of a motor both are finite, or both infinite.
+        axes: Of the forces; see `FrameTerms.wrench_map`.
     """
     weight, motors, known = wrench_scale(terms.robot)[0], terms.robot.actuated, np.isfinite(limit)
     # Where a joint has no limit, the largest of the others, or the weight times 0.3 m.
     scale = np.where(known, limit, limit[known].max() if known.any() else 0.3 * weight)
-    carried = terms.joint_map(points, places, touches, motors) * (weight / scale)[None, :, None, None]
+    carried = terms.joint_map(points, places, touches, motors, axes) * (weight / scale)[None, :, None, None]
     moved = np.flatnonzero(carried.any(axis=(0, 2, 3)))
     t = terms.need[:, motors] / scale
     tau, forces = t, start
@@ -149,7 +151,9 @@ def _stages(bounded: Array, m: int, *, limits: bool = False) -> list[Stage]:
     return [Stage(sigma, np.concatenate([np.full(6, w), np.ones(m)]), steep * bounded) for sigma, w, steep in row]
 
 
-def nearest_acceleration(terms: FrameTerms, a: Array, places: Array, touches: Array, mu: float) -> Array:
+def nearest_acceleration(
+    terms: FrameTerms, a: Array, places: Array, touches: Array, mu: float, axes: Array | None = None
+) -> Array:
     """The possible accelerations nearest in the inertia metric, torque limits and rest of contacts aside, shape (n, nv).
 
         minimise |a' - a|_M   subject to   M a' + h = S^T tau + J^T f,  f in the cones
@@ -162,7 +166,7 @@ def nearest_acceleration(terms: FrameTerms, a: Array, places: Array, touches: Ar
     M = terms.M_base[:, :, :6]
     L = np.linalg.cholesky(M)
     root = float(np.sqrt(robot.mass))
-    n, _, k, _ = (A := terms.wrench_map(places, touches)).shape
+    n, _, k, _ = (A := terms.wrench_map(places, touches, axes)).shape
     columns = A.transpose(0, 2, 3, 1).reshape(-1, 6)
     rows = _repeated_rows(terms, columns, 3 * k).reshape(n, 3 * k, 6).transpose(0, 2, 1)
     scaled = np.linalg.solve(L, rows) * root

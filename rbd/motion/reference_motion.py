@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_finite, as_float, check_flag, check_number, check_whole, locked
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -80,7 +81,7 @@ class Motion(Displayed):
         notes: Every guess that was made and every change of the data, in words.
         derivation: How v and a came from q; None where they were given.
         contacts: Which points touch and slide, when; None: `find_contacts` finds them.
-        ground: Height of the floor [m].
+        ground: Height of the floor [m], or the terrain.
         ground_given: Whether that was given; else the floor is fitted where contacts are looked for.
         forces: On the robot at the points of its contacts, in W, shape (n, k, 3) [N]; None where they are not known.
 
@@ -102,7 +103,7 @@ class Motion(Displayed):
     notes: tuple[str, ...] = ()
     derivation: Derivation | None = None
     contacts: ContactTimeline | None = None
-    ground: float = 0.0
+    ground: float | Terrain = 0.0
     ground_given: bool = False
     forces: Array | None = None
 
@@ -126,7 +127,7 @@ class Motion(Displayed):
         order: int = 4,
         cutoff: float | None = None,
         noise: float | Array = 0.0,
-        ground: float | None = None,
+        ground: float | Terrain | None = None,
         quaternion: str | None = None,
         trust: bool = False,
     ) -> Motion:
@@ -148,7 +149,8 @@ class Motion(Displayed):
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             noise: Standard deviation of q along each velocity, a number or shape (nv,) [m, rad].
-            ground: Height of the floor [m]; by default it is not known: 0, and fitted where contacts are looked for.
+            ground: Height of the floor [m], or an `rbd.Terrain`; by default it is not known: 0, and fitted where contacts are
+                looked for.
             quaternion: "xyzw" or "wxyz"; by default x, y, z, w, unless only w, x, y, z fits v, or keeps the base upright.
             trust: Take times, lengths, v and a as they are, without looking whether they can be.
 
@@ -167,7 +169,7 @@ class Motion(Displayed):
         said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
-        height = check_number("ground", 0.0 if ground is None else ground, -1e5, 1e5, expected="a height [m]")
+        height = ground if isinstance(ground, Terrain) else _height(ground)
         if v is None and a is not None:
             raise InputError("a was given without v; give both, or neither.")
         for what, x in (("v", v), ("a", a)):
@@ -176,7 +178,7 @@ class Motion(Displayed):
         v, a = (None if x is None else as_array(what, x) for what, x in (("v", v), ("a", a)))
         said += order_base(robot, t, q, v, quaternion, str(source))
         if not trust:
-            check_base_height(robot, q, height, str(source))
+            check_base_height(robot, q, 0.0 if isinstance(height, Terrain) else height, str(source))
         if v is None:
             if len(t) == 1:
                 raise InputError(f"{source}: one frame has no velocity; expected two frames or more, or v and a with q.")
@@ -210,7 +212,7 @@ class Motion(Displayed):
         window: float = 0.2,
         order: int = 4,
         cutoff: float | None = None,
-        ground: float | None = None,
+        ground: float | Terrain | None = None,
         motion: str | None = None,
         trust: bool = False,
         progress: bool = True,
@@ -241,7 +243,8 @@ class Motion(Displayed):
             window: Length of the windows that v and a are computed in [s].
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
-            ground: Height of the floor [m]; by default that of the file, else fitted where contacts are looked for.
+            ground: Height of the floor [m], or an `rbd.Terrain`; by default that of the file, else fitted where contacts are
+                looked for.
             motion: Name of the motion, of a file that holds several; of a log, the topic of the joint states.
             trust: Take times, lengths, joints, v and a of the file as they are; see `of_arrays`.
             progress: Show a bar on a terminal where reading takes long.
@@ -273,7 +276,7 @@ class Motion(Displayed):
 
     @classmethod
     def from_function(
-        cls, robot: CheckedModel, f: Callable[[float], Array], t: Array, *, ground: float | None = None
+        cls, robot: CheckedModel, f: Callable[[float], Array], t: Array, *, ground: float | Terrain | None = None
     ) -> Motion:
         """The motion q = f(t) at given times; v and a by differences over 4 ms, of fourth and third order.
 
@@ -281,7 +284,7 @@ class Motion(Displayed):
             robot: The robot.
             f: Takes a time [s], also up to 2 ms before the first and after the last; returns q, shape (nq,).
             t: Times, shape (n,) [s], increasing by 5 ms or more.
-            ground: Height of the floor [m]; see `of_arrays`.
+            ground: Height of the floor [m], or an `rbd.Terrain`; see `of_arrays`.
 
         Raises:
             InputError: times that do not increase so, or what f returns is no q of this robot.
@@ -403,10 +406,13 @@ class Motion(Displayed):
         Kinematics is mirrored to the symmetry of the robot, whose joints are checked; its masses are not.
 
         Raises:
-            InputError: a robot without a floating base or with full hands, a joint that is not the mirror image of its partner.
+            InputError: a robot without a floating base or with full hands, a motion on terrain, a joint that is not the mirror
+                image of its partner.
         """
         if held := carried_by(self.robot):
             raise InputError(f"{self.robot.name} carries {held[0]}; expected free hands: motion.mirror().carrying(...).")
+        if isinstance(self.ground, Terrain):
+            raise InputError(f"the motion is on {self.ground}; expected a level floor to mirror it on.")
         symmetry = symmetry_of(self.robot)
         q, (v, a) = mirrored(self.robot, symmetry, self.q, (self.v, self.a))
         how = self.derivation
@@ -467,8 +473,12 @@ class Motion(Displayed):
             InputError: another suffix, a path that cannot be written, or a robot that this kind of file cannot hold.
         """
         check_flag("header", header)
-        ground = self.ground if self.ground_given else None
-        held = ToSave(self, self.contacts, self.forces, self.notes, self.derivation, ground)
+        ground, known = self.ground, self.contacts and self.contacts.ground
+        for floor in (ground, known):
+            if isinstance(floor, Terrain):
+                raise InputError(f"a file of kind {kind!r:.80} cannot hold {floor}; expected a motion on a level floor.")
+        given = ground if self.ground_given and not isinstance(ground, Terrain) else None
+        held = ToSave(self, self.contacts, self.forces, self.notes, self.derivation, given)
         save_motion(held, path, kind, header=header, decimals=decimals)
 
     def _changed(self, note: str, **fields: Any) -> Motion:
@@ -496,7 +506,7 @@ class Motion(Displayed):
 
 
 def minimum_jerk(
-    robot: CheckedModel, poses: Sequence[Array], times: Array, *, rate: float = 60.0, ground: float | None = None
+    robot: CheckedModel, poses: Sequence[Array], times: Array, *, rate: float = 60.0, ground: float | Terrain | None = None
 ) -> Motion:
     """The motion through poses with minimum jerk between each two, at rest at each of them; v and a are exact.
 
@@ -508,7 +518,7 @@ def minimum_jerk(
         poses: Configurations, each of shape (nq,), two or more.
         times: When each of them is reached [s], increasing.
         rate: Frames a second.
-        ground: Height of the floor [m]; see `Motion.of_arrays`.
+        ground: Height of the floor [m], or an `rbd.Terrain`; see `Motion.of_arrays`.
 
     Raises:
         InputError: as many times as poses are expected, times that increase, configurations of this robot.
@@ -542,3 +552,7 @@ def minimum_jerk(
     out = from_flat(robot, x[i] + way * change, turns)
     v, a = own_rates(robot, out, v, a)
     return Motion.of_arrays(robot, at, out, v, a, source="minimum jerk", ground=ground, quaternion="xyzw", trust=True)
+
+
+def _height(ground: float | None) -> float:
+    return check_number("ground", 0.0 if ground is None else ground, -1e5, 1e5, expected="a height [m], or an rbd.Terrain")

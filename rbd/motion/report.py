@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, check_number, largest_first, lazy
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
 from rbd.errors.inputs import check_choice
@@ -62,7 +63,7 @@ class CheckSettings(Displayed):
 
     friction: float
     torque_limits: bool | float
-    ground: float | str | None
+    ground: float | str | Terrain | None
     threshold: float
     bodies: bool
     self_collision: bool
@@ -329,7 +330,8 @@ class MotionReport(Displayed):
 
         The height is that of the fitted floor; see `find_contacts`. Contacts are found again.
         """
-        down = fitted_ground(self.motion.t, self.lanes.places) - self.lanes.ground if len(self.lanes.points) else 0.0
+        level = self.lanes.level("lifted")
+        down = fitted_ground(self.motion.t, self.lanes.places) - level if len(self.lanes.points) else 0.0
         return self.checked_again(self.motion.lifted(-down))
 
     def filtered(self, cutoff: float) -> MotionReport:
@@ -372,9 +374,10 @@ class MotionReport(Displayed):
         if isinstance(keep, str) or not isinstance(keep, Sequence):
             raise InputError(f"keep is {keep!r:.80}; expected names of frames: ['left_hand', 'right_hand'].")
         frames = [m.robot.frame(name).name for name in keep]
-        level = m.ground if settings.ground in (None, "fit") else self.lanes.ground
+        found = self.lanes.level("repaired")
+        level = m.ground if settings.ground in (None, "fit") and not isinstance(m.ground, Terrain) else found
         if pace == 1.0 and self.possible.all():
-            raised = level - self.lanes.ground
+            raised = level - found
             same, lanes = m, self.lanes
             if raised:
                 same, lanes = m.lifted(raised), replace(lanes, places=lanes.places + [0.0, 0.0, raised], ground=level)
@@ -382,12 +385,12 @@ class MotionReport(Displayed):
             return replace(same, notes=(*same.notes, told), contacts=lanes, forces=None)
         torques = partial(torque_bounds, m.robot, torque_limits=settings.torque_limits, torque_speed=settings.torque_speed)
         with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"repairing {m.source}") as done:
-            new, found = repaired(
+            new, course = repaired(
                 m, self.lanes, self.friction, torques, level, self_collision=settings.self_collision, slower=pace, keep=frames,
                 done=done,
             )  # fmt: skip
         again = self.check(new, progress=False)
-        return replace(new, notes=notes_of(found, new, m, self.share_possible, again.possible, again.why))
+        return replace(new, notes=notes_of(course, new, m, self.share_possible, again.possible, again.why))
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""
@@ -456,8 +459,10 @@ class MotionReport(Displayed):
             "share_over": dict(zip(map(str, THRESHOLDS), self.share_over().tolist(), strict=True)),
             "missing_median": float(np.median(self.missing_scaled)),
             "open_median": float(np.median(self.open)),
-            "ground_m": self.lanes.ground,
-            "settings": json.loads(json.dumps({k: v for k, v in asdict(self.settings).items() if k != "torque_speed"})),
+            "ground_m": str(self.lanes.ground) if isinstance(self.lanes.ground, Terrain) else self.lanes.ground,
+            "settings": json.loads(
+                json.dumps({k: v for k, v in vars(self.settings).items() if k != "torque_speed"}, default=str)
+            ),
             "notes": [*self.motion.notes, *self.lanes.notes],
         }
 
@@ -536,7 +541,8 @@ class MotionReport(Displayed):
             lines.append(f"  accelerations: {m.derivation}")
         s = self.settings
         given = m.contacts is not None or m.ground_given or s.ground not in (None, "fit")
-        floor = f"floor {'given' if given else 'fitted'} at z = {self.lanes.ground:.4g} m"
+        level = self.lanes.ground
+        floor = f"{level}" if isinstance(level, Terrain) else f"floor {'given' if given else 'fitted'} at z = {level:.4g} m"
         lines.append(f"  friction {s.friction:g}, {floor}, threshold {100 * s.threshold:g} % of the weight")
         return "\n".join(lines + [f"  note: {note}" for note in (*m.notes, *self.lanes.notes)])
 
@@ -554,6 +560,8 @@ class MotionReport(Displayed):
                 named = f" of {', '.join(pairs)}"
             if cause == "grasp":
                 named = f" {self.grasps.words(first, end)}"
+            if cause == "tips":
+                named = self.lanes.over_edge(np.flatnonzero(self.of_cause(cause)[first:end]) + first)
             out.append(f"{cause}{named}")
         return out
 
@@ -569,7 +577,8 @@ class MotionReport(Displayed):
             return f"{told}: {np.rad2deg(tilt):.0f} degrees, its edge {1e3 * edge:.0f} mm up"
         if cause in _SIZES:
             factor, words = _SIZES[cause]
-            return f"{told}: {factor * self._badness(cause)[f]:.0f} {words}"
+            edge = self.lanes.over_edge([f]) if cause == "tips" else ""
+            return f"{told}: {factor * self._badness(cause)[f]:.0f} {words}{edge}"
         if cause == "motor":
             j = int(self.excess[f].argmax())
             return f"{told}: {self.motion.robot.actuated_names[j]} {100 * self.excess[f, j]:.0f} % beyond its limit"

@@ -270,7 +270,7 @@ def repaired(
     t, frames = _times(motion)
     dt = float(t[1] - t[0])
     q = interpolated_q(robot, motion.t, motion.q, motion.v, t.clip(motion.t[0], motion.t[-1]))
-    q[:, 2] += level - lanes.ground
+    q[:, 2] += level - lanes.zero
     q = low_passed(robot, q, FILTER * dt)
     feet = Feet.of(robot, contacts, q, dt)
     some, every = (lanes.points.group_reduced(of, lanes.touches[frames]) for of in (np.logical_or, np.logical_and))
@@ -283,7 +283,7 @@ def repaired(
         FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
         np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
         (bool(t[0] < motion.t[0] and on[0].any()), bool(t[-1] > motion.t[-1] + 0.5 * dt and on[-1].any())),
-        tuple(contacts), level - lanes.ground, motion.t[0] + slower * float(t[0] - motion.t[0]),
+        tuple(contacts), level - lanes.zero, motion.t[0] + slower * float(t[0] - motion.t[0]),
     )  # fmt: skip
     t = motion.t[0] + slower * (t - motion.t[0])
     found = course.solved(done)

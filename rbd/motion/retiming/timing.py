@@ -143,7 +143,7 @@ class Timing(Displayed):
         )
         slides, raised = (self.sets.touches(places, what) & touches for what in ("slides", "raised"))
         return replace(
-            lanes, t=t, touches=touches, slides=slides, raised=raised, heights=at[..., 2] - lanes.ground, places=at,
+            lanes, t=t, touches=touches, slides=slides, raised=raised, heights=lanes.heights_over(at), places=at,
             speeds=np.where(touches, speeds, np.nan), noise=noise,
         )  # fmt: skip
 
@@ -263,6 +263,10 @@ def _contacts(motion: Motion, given: ContactTimeline | None) -> ContactTimeline 
     check_kind("contacts", given, ContactTimeline, "ContactTimeline: rbd.motion.find_contacts(motion)")
     if not robot.is_like(given.points.robot) or not np.array_equal(given.t, motion.t):
         raise InputError("contacts are of another motion: their robot or their times differ. Find those of this one.")
+    if given.axes is not None or given.over_edge(slice(None)):
+        raise InputError(
+            f"soles are on slopes or over edges of {given.ground}; expected whole soles on level tops to retime on."
+        )
     return given
 
 
@@ -455,7 +459,7 @@ def _unbalanced(sets: PathSets, places: Array, p: Array) -> list[str]:
     terms = FrameTerms.of(sets.motion.robot, q, q1 * root, q1 * beyond[:, :1] + q2 * root**2, None)
     b = terms.wrench / wrench_scale(sets.motion.robot) - np.array([each.missed for each in own_sets])
     most, mu = np.full(len(places), _SMALL), sets.limits.friction
-    masks = without_balance(terms, sets.points_at(q), sets.touches(places), b, most, mu, sets.lanes.ground)
+    masks = without_balance(terms, sets.points_at(q), sets.touches(places), b, most, mu, sets.lanes.zero)
     names = np.array(["floats", "friction", "tips"])
     return [" and ".join(names[row]) or "balance" for row in np.stack(masks, axis=1)]
 

@@ -66,7 +66,7 @@ def _reference(report: MotionReport) -> Motion | None:
     if before is None or before.n != report.n or not m.robot.is_like(before.motion.robot):
         return None
     q = before.motion.q.copy()
-    q[:, 2] += report.lanes.ground - before.lanes.ground
+    q[:, 2] += report.lanes.zero - before.lanes.zero
     return replace(before.motion, t=m.t, q=q)
 
 
@@ -133,8 +133,8 @@ def shown_report(report: MotionReport) -> ShownMotion:
     Beside one with a report before, of the same frames: its motion as a ghost, and lanes of its contacts.
     """
     motion, lanes, reference = report.motion, report.lanes, _reference(report)
-    q, places = np.array(motion.q), lanes.places - [0.0, 0.0, lanes.ground]
-    q[:, 2] -= lanes.ground
+    q, places = np.array(motion.q), lanes.places - [0.0, 0.0, lanes.zero]
+    q[:, 2] -= lanes.zero
     points, forces, modes = {}, {}, {}
     events: list[Event] = []
     for name, g in _places(report).items():
@@ -171,7 +171,7 @@ def shown_report(report: MotionReport) -> ShownMotion:
         tuple(events),
         lanes={words: colors[name] for name, words in names.items()} | dict(cause_colors()),
         pushes=pushes,
-        down=lanes.ground,
+        down=lanes.zero,
         charts=partial(report_charts, report),
         defaults={"trace": False, "fps": _fps(report), "start": float(motion.t[worst]), "ghost": reference},
     )
