@@ -91,6 +91,8 @@ def contact_answers() -> Iterator[object]:
     yield from rbd.constraints.joint_frictions(talos)
     ground = rbd.CollisionContacts("ground", talos)
     yield from (ground, ground.points(state), ground.rows(state))
+    stairs = rbd.Terrain.stairs(0.1, 0.3, 3)
+    yield from (stairs, rbd.hold(state, talos.soles(on=rbd.Terrain.boxes([(-1, -1, -1), (1, 1, 0)]))))
     twice = [rbd.JointLock("one", "arm_left_4_joint", position=-1.0), rbd.JointLock("two", "arm_left_4_joint", position=-1.2)]
     with_pull = [rbd.constraints.Baumgarte(10.0).of(lock) for lock in twice]
     yield from with_pull

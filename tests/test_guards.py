@@ -16,6 +16,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import coal
 import hypothesis
 import hypothesis.strategies as st
 import numpy as np
@@ -71,6 +72,7 @@ LONGEST_MESSAGE = 1500
 URDF = Path(__file__).parents[1] / "urdf" / "box.urdf"
 LOOPED = URDF.with_name("four_bar.urdf")
 BOX = rbd.load_robot(URDF)
+STAIRS = rbd.Terrain.stairs(0.1, 0.3, 3)
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", rbd.errors.ModelWarning)
     BOLT = rbd.load_robot("bolt")
@@ -470,6 +472,17 @@ def use_ground(on: Any) -> Any:
     return [contact.rows(BOX.at()).patch.gaps for contact in contacts], [foot.on for foot in BOLT.feet(on=on)][0] is None
 
 
+def use_terrain(terrain: rbd.Terrain) -> Any:
+    """Its surface, and how far a point and a sole are from it."""
+    P = np.array([[0.0, 0.0, 0.1], [0.3, 0.2, 0.0]])
+    return finite(terrain.heights_of(P)), rbd.PointContact("toe", "box", on=terrain).rows(BOX.at()).patch.gaps, str(terrain)
+
+
+def finite(x: Any) -> Any:
+    """The numbers that are; infinity says that there is no terrain."""
+    return x[~np.isinf(x)]
+
+
 def use_samples(made: rbd.studies.Samples) -> Any:
     """How many there are, after all that can be asked of them has been; infinity and NaN are values like others."""
     n = len(made)
@@ -518,6 +531,29 @@ CASES: dict[str, Case] = {
         lambda **given: use_ground(rbd.Ground(point=np.zeros(3), **given)), {"motion": rbd.Speed((0.1, 0.0, 0.2))}
     ),
     "Ground, by its height": Case(use_ground, {"on": 0.25}),
+    "Terrain": Case(
+        lambda **given: use_terrain(rbd.Terrain(**given)),
+        {"pieces": {"floor": (coal.Box(4.0, 4.0, 0.2), np.array([0.0, 0.0, -0.1]))}, "friction": 0.5},
+    ),
+    "Terrain, a piece": Case(
+        lambda shape, pose: use_terrain(rbd.Terrain({"floor": (shape, pose)})),
+        {"shape": coal.Box(4.0, 4.0, 0.2), "pose": np.eye(4)},
+    ),
+    "Terrain.boxes": Case(
+        lambda low, high, friction: use_terrain(rbd.Terrain.boxes((low, high), friction=friction)),
+        {"low": np.array([-1.0, -1.0, -0.5]), "high": np.array([1.0, 1.0, 0.0]), "friction": 0.5},
+    ),
+    "Terrain.stairs": Case(
+        lambda **given: use_terrain(rbd.Terrain.stairs(**given)),
+        {"rise": 0.1, "depth": 0.3, "n": 3, "start": np.zeros(3), "width": 2.0, "landing": 2.0, "down": False, "friction": 0.5},
+    ),
+    "Terrain.heights": Case(
+        lambda **given: use_terrain(rbd.Terrain.heights(**given)),
+        {"z": np.zeros((4, 3)), "spacing": 0.5, "origin": np.array([-0.5, -0.5]), "friction": 0.5},
+    ),
+    "Terrain.heights_of": Case(lambda points: finite(STAIRS.heights_of(points)), {"points": np.array([[0.1, 0.0, 0.2]])}),
+    "Terrain.distances": Case(lambda points: finite(STAIRS.distances(points)), {"points": np.array([[0.1, 0.0, 0.2]])}),
+    "Terrain.ground_at": Case(STAIRS.ground_at, {"x": 0.1, "y": 0.0}),
     "SurfaceContact, a rectangle": contact_case(rbd.SurfaceContact, {"half_lengths": (0.1, 0.05)}),
     "JointLimit": Case(
         lambda **given: use_joint(rbd.JointLimit(**given)),

@@ -229,7 +229,7 @@ def test_friction_is_that_of_the_terrain():
         (lambda: rbd.Terrain({"a": rbd.Ground(normal=(0, 0, 1))}), "with a point"),
         (lambda: rbd.Terrain.boxes([(0, 0, 0), (1, 0, 1)]), "lowest corner"),
         (lambda: rbd.Terrain.stairs(0.1, -0.3, 3), "depth of stairs"),
-        (lambda: rbd.Terrain.stairs(0.1, 0.3, 0), "n = 0"),
+        (lambda: rbd.Terrain.stairs(0.1, 0.3, 0), "number n of steps"),
         (lambda: rbd.Terrain.heights(np.array([[0.0, np.nan], [0.0, 0.0]]), 0.1), "not finite"),
         (lambda: rbd.Terrain.heights(np.zeros((1, 4)), 0.1), "two rows"),
         (lambda: rbd.Terrain.boxes([(0, 0, 0), (1, 1, 1)], friction=-0.1), "friction"),

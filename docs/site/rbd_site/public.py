@@ -28,7 +28,7 @@ GROUPS = {
     "Springs and dampers": "Spring Damper Bushing JointSpring JointDamping",
     "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",
     "Solvers": "KKT ProxQP ConeSolver",
-    "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Speed Body",
+    "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Terrain Speed Body",
     "Joints, loops and rolling": """
         LoopClosure DrivenJoint JointLimit JointLock JointCoupling JointFriction KnifeEdge RollingBall RollingDisk RollingWheel
         VelocityConstraint FunctionConstraint

@@ -9,7 +9,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_number, locked
+from rbd.arrays import Array, as_array, as_finite, check_number, locked
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import across
 from rbd.errors import InputError
@@ -20,6 +20,8 @@ ON_FACE = 1e-9
 """Corners this near to a face, relative to the piece's size, are on it."""
 SIDES = 48
 """Sides of the prism in place of a cylinder: its corners are on the cylinder, its faces up to 0.2 % of the radius inside."""
+LEAST_M = 1e-6
+"""Treads, and cells of a grid of heights, are at least this wide [m]."""
 BELOW_M = 1.0
 """The base of prisms of a grid of heights is this far below its lowest point [m]."""
 
@@ -193,8 +195,8 @@ class Heights:
         if min(heights.shape) < 2:
             raise InputError(f"z of a terrain's heights has shape {heights.shape}; expected two rows and two columns or more.")
         steps = [
-            check_number("spacing of a terrain's heights", s, ABOVE_ZERO, 1e6, expected="a length > 0 [m], or two")
-            for s in np.broadcast_to(np.asarray(spacing, object), 2).tolist()
+            check_number("spacing of a terrain's heights", s, LEAST_M, 1e6, expected="a length > 0 [m], or two")
+            for s in np.broadcast_to(as_finite("spacing of a terrain's heights", spacing, (), (2,)), 2).tolist()
         ]
         return cls(name, locked(np.array(heights)), np.array(steps), as_finite("origin of a terrain's heights", origin, (2,)))
 

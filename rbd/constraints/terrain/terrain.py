@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_finite, check_number, locked
-from rbd.constraints.terrain.pieces import Heights, Piece, Polytopes, piece_of
+from rbd.arrays import Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, locked
+from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Polytopes, piece_of
 from rbd.constraints.terrain.touches import Touches
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -123,11 +123,11 @@ class Terrain(Displayed):
         x, y, z = as_finite("start of stairs", start, (3,)).tolist()
         sizes = {"depth": depth, "width": width, "landing": landing}
         depth, width, landing = (
-            check_number(f"{what} of stairs", s, ABOVE_ZERO, 1e4, expected="a length > 0 [m]") for what, s in sizes.items()
+            check_number(f"{what} of stairs", s, LEAST_M, 1e4, expected="a length > 0 [m]") for what, s in sizes.items()
         )
         check_number("rise of stairs", rise, -10.0, 10.0, expected="a height [m]")
-        if not isinstance(n, int) or n < 1:
-            raise InputError(f"stairs have n = {n!r:.80} steps; expected a number >= 1.")
+        check_whole("number n of steps of stairs", n, 10_000)
+        check_flag("down of stairs", down)
         levels = [*range(1, n + 1), *(range(n - 1, -1, -1) if down else ())]
         base = z + min(0.0, n * rise) - DEEP_M
         out = [[(x - landing, y - width / 2, base), (x, y + width / 2, z)]]
@@ -196,8 +196,14 @@ class Terrain(Displayed):
 
         Args:
             points: In W, shape (..., 3) [m].
+
+        Raises:
+            InputError: points of another shape, or that are not finite.
         """
-        P = np.asarray(points, float)
+        P = as_array("points", points)
+        if P.shape[-1:] != (3,):
+            raise InputError(f"points have shape {P.shape}; expected (..., 3): x, y, z in W [m].")
+        check_finite("points", P)
         tops = np.array([solid.tops(P[..., :2]) for solid in self.solids])
         under = np.where(tops <= P[..., 2] + SUNK_M, tops, -np.inf).max(axis=0)
         over = np.where(np.isneginf(tops), np.inf, tops).min(axis=0)
