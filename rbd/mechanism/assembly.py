@@ -387,8 +387,10 @@ def branches(
     closed = last_new = 0
     for i in range(tries):
         try:
+            closure.resting = False
             start = closure.at(closure.inside(draw(robot, rng)))
             found = descend(closure, start, tolerance=tolerance, most=max_iterations)
+            closure.resting = True
         except InputError as error:  # of this draw, or of all draws: then the arguments are wrong
             refusal = refusal or error
             continue

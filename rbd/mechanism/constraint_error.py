@@ -75,6 +75,7 @@ class Closure(Space[ConstraintResidual]):
     Attributes:
         skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
         idle: Idle freedoms that are left at rest: their directions are rows of J, without an error; see `rested`.
+        resting: Whether they are rows of J. Steps onto the constraints leave them at rest without, and are faster.
 
     Raises:
         InputError: no constraints, no robot, values of a wrong size.
@@ -103,11 +104,12 @@ class Closure(Space[ConstraintResidual]):
         self.constraints: tuple[Constraint, ...] | None = None
         self.skipped: tuple[str, ...] = ()
         self.idle: list[IdleFreedom] | None = None
+        self.resting = True
 
     def rested(self, at: ConstraintResidual) -> ConstraintResidual:
         """The residual with idle freedoms at rest from here on; they are looked for where J first allows a velocity."""
         if self.idle is not None or not len(at.null):
-            return at
+            return self.at(at.q) if self.idle else at
         off = lambda z: self.at(self.move(at.q, z)).residual  # noqa: E731
         self.idle = idle_freedoms(at.state, at.J, self.free, self.scale, off)
         return self.at(at.q) if self.idle else at
@@ -146,7 +148,7 @@ class Closure(Space[ConstraintResidual]):
             return ConstraintResidual(state, np.zeros(0), none, rows, none)
         error, J = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
         J = J[:, self.free] * self.scale
-        Z = idle_directions(state, J, self.free, self.scale, self.idle) if self.idle else none
+        Z = idle_directions(state, J, self.free, self.scale, self.idle) if self.idle and self.resting else none
         if len(Z):  # as a projector, whose sign does not depend on that of the directions
             error, J = np.concatenate([error, np.zeros(len(self.free))]), np.concatenate([J, np.linalg.pinv(Z) @ Z])
         return ConstraintResidual(state, error, J, rows, Z)

@@ -76,7 +76,8 @@ def idle_directions(state: State, J: Array, free: Array, scale: Array, idle: lis
     """Unit directions of idle freedoms, shape (k, free): velocities that J allows while all other bodies are at rest."""
     T = _twists(state, free, scale)
     rest = [np.delete(T, [j - 1 for j in each.joints], axis=0).reshape(-1, len(free)) for each in idle]
-    return np.array([np.linalg.svd(np.concatenate([J, R]))[2][-1] for R in rest]).reshape(len(idle), len(free))
+    each = [np.linalg.svd(np.concatenate([J, R, np.zeros((len(free), len(free)))]), full_matrices=False)[2][-1] for R in rest]
+    return np.array(each).reshape(len(idle), len(free))
 
 
 def _twists(state: State, free: Array, scale: Array) -> Array:

@@ -253,3 +253,24 @@ def test_the_prepared_form_of_a_closed_loop_agrees_with_the_general_one(kind, fr
     assert np.abs(found.a - general.a).max() < 1e-10 * np.abs(general.a).max()
     assert np.abs(found.forces["loop"] - general.forces["loop"]).max() < 1e-9 * max(1.0, np.abs(general.forces["loop"]).max())
     assert (found.solver, general.solver) == ("ContactDynamics", "KKT")
+
+
+def test_kinds_of_a_loop_file():
+    """A cross, a rod with a length and a rope in YAML; the keys of other kinds, and a cross without its axis, are refused."""
+    ends = "frame_a: universe, frame_b: box"
+    text = f"""
+    loops:
+      - {{name: cross, kind: universal, {ends}, axis: [1, 0, 0], axis_b: [0, 2, 0]}}
+      - {{name: strut, kind: rod, {ends}, length: 0.3}}
+      - {{name: tie, kind: rope, {ends}, length: 2}}
+    """
+    cross, strut, tie = rbd.robots.LoopFile.of_text(text).loops
+    assert np.array_equal(cross.axis_b, [0.0, 1.0, 0.0]) and (strut.length, tie.length) == (0.3, 2.0)
+    for entry, says in (
+        ("kind: universal", "loop 'x': .*has axis_b = None; expected the axis of the second pin"),
+        ("kind: point, length: 1", "has a key 'length'"),
+        ("kind: rod, axis_b: [0, 1, 0]", "has a key 'axis_b'"),
+        ("kind: rod, length: -1", "loop 'x': .*length > 0"),
+    ):
+        with pytest.raises(rbd.errors.ModelError, match=says):
+            rbd.robots.LoopFile.of_text(f"loops: [{{name: x, {entry}, {ends}}}]")

@@ -139,3 +139,28 @@ def test_what_is_no_idle_freedom_is_refused_as_before():
         branches(at_neutral(robot), rods, fixed={"arm": 0.1}, tries=5)
     with pytest.raises(rbd.InputError, match="2 degrees of freedom and 1 known rate"):
         velocity_partition(rbd.State(robot, assemble(at_neutral(robot), rods).q), rods, {"arm": 1.0})
+
+
+def test_the_six_legs_of_a_platform_are_idle():
+    """Each of a ball, a slide and a ball: the rates of the slides decide those of the platform, as J^-1 of their lengths does."""
+    rng, build, loops = np.random.default_rng(0), Builder("platform"), []
+    around = np.deg2rad([0, 20, 120, 140, 240, 260])
+    ring = np.stack([np.cos(around), np.sin(around), 0.0 * around], axis=1)
+    base, top = ring + 0.2 * rng.normal(size=(6, 3)), 0.5 * ring[[1, 2, 3, 4, 5, 0]] + 0.2 * rng.normal(size=(6, 3))
+    for i in range(6):
+        build.joint(f"leg{i}", pin.JointModelSpherical(), at(*base[i])).joint(f"slide{i}", pin.JointModelPX(), at(), f"leg{i}")
+        build.frame(f"end{i}", f"slide{i}", at(0.5))
+    build.joint("platform", pin.JointModelFreeFlyer(), at(0, 0, 1.0))
+    for i in range(6):
+        build.frame(f"on{i}", "platform", at(*top[i]))
+        loops.append(rbd.LoopClosure(f"ball{i}", f"end{i}", f"on{i}"))
+    robot = build.robot()
+    state = assemble(at_neutral(robot), loops).state
+    rates = 0.1 * np.arange(6.0)
+    found = velocity_partition(state, loops, {f"slide{i}": rates[i] for i in range(6)})
+    assert found.idle == tuple(f"leg{i}" for i in range(6)) and found.residual < 1e-12
+    moving = state.with_velocity(found.v)
+    ends = [(moving.frame(f"on{i}"), state.frame(f"leg{i}").X_WF.translation) for i in range(6)]
+    along = [(frame.X_WF.translation - foot) / np.linalg.norm(frame.X_WF.translation - foot) for frame, foot in ends]
+    signs = [np.sign(0.5 + state.joint(f"slide{i}").position) for i in range(6)]  # behind its foot a slide shortens the leg
+    assert [u @ frame.v[:3] for u, (frame, _) in zip(along, ends, strict=True)] == pytest.approx(signs * rates, abs=1e-11)
