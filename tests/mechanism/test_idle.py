@@ -142,7 +142,7 @@ def test_what_is_no_idle_freedom_is_refused_as_before():
 
 
 def test_the_six_legs_of_a_platform_are_idle():
-    """Each of a ball, a slide and a ball: the rates of the slides decide those of the platform, as J^-1 of their lengths does."""
+    """Each of a ball, a slide and a ball: the rates of the slides are those at which the platform draws away from its feet."""
     rng, build, loops = np.random.default_rng(0), Builder("platform"), []
     around = np.deg2rad([0, 20, 120, 140, 240, 260])
     ring = np.stack([np.cos(around), np.sin(around), 0.0 * around], axis=1)
