@@ -71,8 +71,8 @@ def simulate(
 ) -> Trajectory:
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with its residuals.
 
-    Bilateral constraints alone (loops, rolling, contacts, locks) give smooth motion: Gauss's acceleration, integrated on
-    the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where a contact can break, slip or impact
+    Bilateral constraints alone (loops, rolling, contacts, locks, drives) give smooth motion: Gauss's acceleration, integrated
+    on the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where a contact can break, slip or impact
     (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2)::
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.

@@ -347,7 +347,8 @@ def reason_unknown_ground(constraint: Constraint) -> str | None:
         return None
     return (
         f"the ground of {constraint.name!r:.80} accelerates, and how it moves is known at one instant only. Give it a velocity "
-        "without an acceleration, or take a second body in the model for what it touches, on=rbd.Body(...)."
+        "without an acceleration, a motion in time, rbd.Ground(motion=...), or take a second body in the model for what it "
+        "touches, on=rbd.Body(...)."
     )
 
 
