@@ -22,6 +22,8 @@ FAR_M = 0.01
 """How far shapes are apart at rest is not measured beyond this [m]."""
 DEEP_M = 2e-3
 """Shapes that overlap by less do not count as in collision [m]."""
+SPARE_M = 0.03
+"""Of what poses may still move before shapes are measured again [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +93,7 @@ class BodyPairs:
         rest: Poses of joints in the robot's own postures, as `placements`.
         left_out: Names of pairs that overlap there, filled as they come near.
         resting: How far pairs are apart there, at most `FAR_M` [m], filled as they come near.
+        known: Of `near`, of the poses before: orientations of joints, centres of shapes, and how far pairs are apart at least.
     """
 
     shapes: list[tuple[int, str, ConvexShape]]
@@ -98,6 +101,7 @@ class BodyPairs:
     rest: tuple[Array, Array]
     left_out: list[tuple[str, str]] = field(default_factory=list)
     resting: dict[tuple[int, int], float] = field(default_factory=dict)
+    known: list[Array] = field(default_factory=list)
 
     @classmethod
     def of(cls, robot: CheckedModel) -> BodyPairs:
@@ -106,33 +110,49 @@ class BodyPairs:
         postures = np.array([pin.neutral(robot.model), *getattr(robot, "postures", {}).values()])
         return cls(shapes, _pairs(robot, shapes), placements(robot, postures))
 
-    def near(self, R: Array, p: Array, within: float) -> Iterator[tuple[int, int, NearBodies]]:
-        """(first, second, where) of each pair that is nearer than a distance in some frames; arguments as `placements`."""
-        centres = [np.matmul(R[:, s.joint], s.centre) + p[:, s.joint] for _, _, s in self.shapes]
-        for i, j in self.pairs:
-            (*_, one), (*_, other) = self.shapes[i], self.shapes[j]
-            close = np.linalg.norm(centres[i] - centres[j], axis=1) < one.reach + other.reach + max(within, 0.0)
-            if not close.any() or self.at_rest(i, j) < -DEEP_M:
-                continue
-            found = _near(one, other, R, p, np.flatnonzero(close), within)
-            if len(found.frames):
-                yield i, j, found
+    def near(self, R: Array, p: Array, within: float, again: bool = False) -> Iterator[tuple[int, int, NearBodies]]:
+        """(first, second, where) of each pair that is nearer than a distance in some frames; arguments as `placements`.
+
+        Pairs are not measured where they were farther apart than they have moved since, if this is called again and again,
+        for poses of as many frames that are near to each other.
+        """
+        shapes, turns = [s for *_, s in self.shapes], R.swapaxes(0, 1)
+        centres = np.array([np.matmul(turns[s.joint], s.centre) + p[:, s.joint] for s in shapes])
+        some, least = range(len(self.pairs)), np.full((len(self.pairs) * again, len(R)), -np.inf)
+        if again and self.known and self.pairs:
+            turned = np.linalg.norm(turns - self.known[0], axis=(2, 3))
+            moved = np.linalg.norm(centres - self.known[1], axis=2) + [s.reach * turned[s.joint] for s in shapes]
+            least = self.known[2] - moved[np.array(self.pairs)].sum(axis=1)
+            some = np.flatnonzero(least.min(axis=1) < within).tolist()
+        for k in some:
+            i, j = self.pairs[k]
+            room = np.linalg.norm(centres[i] - centres[j], axis=1) - (shapes[i].reach + shapes[j].reach)
+            room = np.maximum(room, least[k]) if again else room
+            close = np.flatnonzero(room < within)
+            if len(close) and self.at_rest(i, j) >= -DEEP_M:
+                found, room[close] = _near(shapes[i], shapes[j], R, p, close, within, SPARE_M if again else 0.0)
+                if len(found.frames):
+                    yield i, j, found
+            least[k : k + 1] = room
+        self.known[:] = [turns, centres, least] if again else []
 
     def at_rest(self, i: int, j: int) -> float:
         """How far two shapes are apart in the robot's own postures, at most `FAR_M` [m]."""
         if (i, j) not in self.resting:
             one, other = self.shapes[i][2], self.shapes[j][2]
-            gap = _near(one, other, *self.rest, np.arange(len(self.rest[0])), FAR_M).gap
+            gap = _near(one, other, *self.rest, np.arange(len(self.rest[0])), FAR_M)[0].gap
             self.resting[i, j] = float(gap.min(initial=FAR_M))
             if self.resting[i, j] < -DEEP_M:
                 self.left_out.append((one.name, other.name))
         return self.resting[i, j]
 
 
-def _near(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Array, within: float) -> NearBodies:
-    """Where two shapes are nearer than a distance, among some frames.
+def _near(
+    one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Array, within: float, spare: float = 0.0
+) -> tuple[NearBodies, Array]:
+    """(where two shapes are nearer than a distance, among some frames; how far they are apart at least in these).
 
-    Frames before which they have not moved so far as they were apart are not measured.
+    Frames before which they have not moved so far as they were apart, less what is spared, are not measured.
     """
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     back = R[frames, one.joint].swapaxes(1, 2)
@@ -141,17 +161,22 @@ def _near(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Arra
     # the Frobenius norm is at least the largest motion of a unit vector
     steps = np.linalg.norm(np.diff(centre, axis=0), axis=1) + other.reach * np.linalg.norm(np.diff(turned, axis=0), axis=(1, 2))
     path = np.concatenate([[0.0], np.cumsum(steps)])
-    hits, i = list[tuple[float, ...]](), 0
+    hits, least, i = list[tuple[float, ...]](), np.empty(len(frames)), 0
+    places = [
+        (turn @ s.X_JC.rotation, turn @ s.X_JC.translation + p[frames, s.joint])
+        for s in (one, other)
+        for turn in (R[frames, s.joint],)
+    ]
     while i < len(frames):
-        X, Y = (pin.SE3(R[frames[i], s.joint], p[frames[i], s.joint]) * s.X_JC for s in (one, other))
-        places = (coal.Transform3s(Z.rotation, Z.translation) for Z in (X, Y))
+        X, Y = (coal.Transform3s(turn[i], place[i]) for turn, place in places)
         result.clear()
-        gap = float(coal.distance(one.coal, next(places), other.coal, next(places), request, result))
+        gap = float(coal.distance(one.coal, X, other.coal, Y, request, result))
         if gap < within:
             hits.append((frames[i], gap, *result.normal, *result.getNearestPoint1(), *result.getNearestPoint2()))
-        i = max(i + 1, int(np.searchsorted(path, path[i] + gap - within)))
+        last, i = i, max(i + 1, int(np.searchsorted(path, path[i] + gap - within - spare)))
+        least[last:i] = gap + path[last] - path[last:i]
     found = np.array(hits).reshape(-1, 11)
-    return NearBodies(found[:, 0].astype(int), found[:, 1], found[:, 2:5], found[:, 5:8], found[:, 8:])
+    return NearBodies(found[:, 0].astype(int), found[:, 1], found[:, 2:5], found[:, 5:8], found[:, 8:]), least
 
 
 def _pairs(robot: CheckedModel, shapes: Sequence[tuple[int, str, ConvexShape]]) -> list[tuple[int, int]]:

@@ -9,18 +9,28 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.contact_points import SLIDES
 from rbd.kernels import COUNT, FLAG, array, compiled, signature
+from rbd.solvers.conic_kernel import DUAL_STEPS, by_dual, most_of, projected
 from rbd.solvers.small_systems import add_transposed, pivoted_factor, pivoted_solve
 
 _REPEATS, _ROUNDS, _SAME = 1e-11, 3, 1e-12
-"""Pivots up to this are of linearly dependent rows; rounds of refinement; tolerance of forces, over their size."""
+"""Pivots up to this are of linearly dependent columns; rounds of refinement; tolerance of forces, over their size."""
 
 
-def _spanned(G: Array, used: Array, count: int, g: Array, y: Array, z: Array) -> bool:
-    """Write the shortest y with G^T y = g of the rows in use, y = G z; False where none is exact enough."""
+def _spanned(G: Array, count: int, g: Array, y: Array, z: Array, order: Array) -> int:
+    """Write the shortest y with G^T y = g, y = G z, and G's columns, independent ones first: their number, -1 if y is inexact.
+
+    Args:
+        G: Shape (count or more, n).
+        count: How many of its rows are taken.
+        g: Shape (n,).
+        y: Written, shape (count or more,).
+        z: Written, shape (n,).
+        order: Written, shape (n,).
+    """
     n, most = len(g), np.abs(g).max()
-    S, scale, order, missed = np.zeros((n, n)), np.zeros(n), np.empty(n, np.int64), np.empty(n)
+    S, scale, missed = np.zeros((n, n)), np.zeros(n), np.empty(n)
     for e in range(count):
-        for r in range(n if used[e] else 0):
+        for r in range(n):
             if G[e, r] != 0.0:
                 for s in range(n):
                     S[r, s] += G[e, r] * G[e, s]
@@ -35,28 +45,30 @@ def _spanned(G: Array, used: Array, count: int, g: Array, y: Array, z: Array) ->
         missed[:] = g
         for e in range(count):
             y[e] = 0.0
-            for r in range(n if used[e] else 0):
+            for r in range(n):
                 y[e] += G[e, r] * z[r]
             for r in range(n):
                 missed[r] -= G[e, r] * y[e]
         if np.abs(missed).max() <= _SAME * most:
-            return True
+            return rank
         missed *= scale
         pivoted_solve(S, order, rank, missed)
         for r in range(n):
             z[r] += scale[r] * missed[r]
-    return False
+    return -1
 
 
 _WRITTEN, _WHOLE, _FLAGS, _ROWS = array(1, written=True), array(1, COUNT), array(1, FLAG), array(1, layout="A")
-spanned = compiled(_spanned, signature(FLAG, array(2), _FLAGS, COUNT, array(1), _WRITTEN, _WRITTEN))
+spanned = compiled(_spanned, signature(COUNT, array(2), COUNT, array(1), _WRITTEN, _WRITTEN, array(1, COUNT, written=True)))
 
 
 def _shortest(
     J: Array, widths: Array, normals: Array, pushes: Array, rubs: Array, slides: Array, mu: Array,
     active: Array, velocity: Array, force: Array, coulomb: bool, out: Array,
 ) -> bool:  # fmt: skip
-    """`rbd.simulation.recording.least_forces` without the edges of cones but those along which points slide; False: not found.
+    """`rbd.simulation.recording.least_forces` where points push, rub, or are held; False: not found.
+
+    Without the edges of cones it is a linear system; else Newton's method on the dual.
 
     Args:
         J: Rows by which forces act, shape (p, n): their Jacobian, or what has the same J^T f = 0.
@@ -74,7 +86,8 @@ def _shortest(
     """
     p, n = J.shape
     G, edge, at, ray = np.zeros((p, n)), np.zeros((p, 3)), np.empty(p, np.int64), np.zeros(p, np.bool_)
-    g, y, z, used, count = np.zeros(n), np.empty(p), np.empty(n), np.ones(p, np.bool_), 0
+    lower, cones, slopes, holding = np.full(p, -math.inf), np.empty((p, 3), np.int64), np.empty(p), 0
+    g, y, z, order, count = np.zeros(n), np.empty(p), np.empty(n), np.empty(n, np.int64), 0
     add_transposed(J, force, g)
     for i in range(len(active)):
         if not active[i]:
@@ -90,7 +103,7 @@ def _shortest(
             x, along, size = edge[count], np.hypot(force[j - 2], force[j - 1]), 1.0 / math.sqrt(1.0 + mu[i] * mu[i])
             for e in range(2):
                 x[e] = mu[i] * size * (force[j - 2 + e] / along if along > 0.0 else -velocity[j - 2 + e] / speed)
-            x[2], at[count], ray[count] = size, j, True
+            x[2], at[count], ray[count], lower[count] = size, j, True, 0.0
             for r in range(n):
                 G[count, r] = x[0] * J[j - 2, r] + x[1] * J[j - 1, r] + x[2] * J[j, r]
             count += 1
@@ -98,19 +111,36 @@ def _shortest(
         for row in range(j + 1 - widths[i], j + 1):
             G[count], at[count] = J[row], row
             count += 1
-    for _ in range(count + 1):  # a ray that would pull has no force
-        if not spanned(G, used, count, g, y, z):
+        if rubs[i]:
+            cones[holding], slopes[holding] = (count - 3, count - 2, count - 1), mu[i]
+            holding += 1
+        elif pushes[i]:
+            lower[count - 1] = 0.0
+    rank = spanned(G, count, g, y, z, order)
+    if rank < 0:
+        return False
+    x, single, V, lower, upper = (
+        np.empty(count),
+        np.empty(count),
+        np.zeros((holding, 3, 3)),
+        lower[:count],
+        np.full(count, math.inf),
+    )
+    y, cones, slopes = y[:count], cones[:holding], slopes[:holding]
+    most = most_of(y)
+    projected(y, lower, upper, cones, slopes, x, single, V)
+    if most_of(x - y) > _SAME * max(most, 1.0):
+        A, b, scaled = np.empty((rank, count)), np.empty(rank), np.empty(rank)
+        for r in range(rank):
+            column = np.ascontiguousarray(G[:count, order[r]])
+            size = most_of(column)
+            A[r], b[r], scaled[r] = column / size, g[order[r]] / (size * most), z[order[r]] * size / most
+        if by_dual(A, b, np.ones(count), np.zeros(count), lower, upper, cones, slopes, DUAL_STEPS, x, scaled) < 0:
             return False
-        worst, size = -1, 1.0
-        for e in range(count):
-            size = max(size, abs(y[e]))
-        least = -_SAME * size
-        for e in range(count):
-            if ray[e] and y[e] < least:
-                worst, least = e, y[e]
-        if worst < 0:
-            break
-        used[worst] = False
+        y[:], missed = most * x, g.copy()
+        add_transposed(G[:count], -y, missed)
+        if most_of(missed) > _SAME * count * most_of(g):
+            return False
     out[:] = 0.0
     for e in range(count):
         if ray[e]:
@@ -118,16 +148,6 @@ def _shortest(
                 out[at[e] - 2 + r] = y[e] * edge[e, r]
         else:
             out[at[e]] = y[e]
-        if not used[e]:
-            gain = 0.0
-            for r in range(n):
-                gain += G[e, r] * z[r]
-            if gain > 1e-9 * size:
-                return False
-    for i in range(len(active)):
-        j = normals[i]
-        if pushes[i] and out[j] < -_SAME * size or rubs[i] and np.hypot(out[j - 2], out[j - 1]) > mu[i] * out[j] + _SAME * size:
-            return False
     return True
 
 

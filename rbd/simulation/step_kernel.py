@@ -22,6 +22,7 @@ from rbd.answers.prepared.row_kernel import (
 )
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
+from rbd.problem.residuals import SOLVED
 from rbd.simulation.velocity_problem import EXACT as ENOUGH, FINE, QUICK, ROUNDING, STILL
 from rbd.solvers.kkt_kernel import holding
 from rbd.solvers.newton_kernel import EXACT, MOST_STEPS, PROXIMAL, Problem, Settings, damped_steps, loads, project, room_of
@@ -248,7 +249,7 @@ def _by_newton(given: Problem, parts: Array, guess: Array, coulomb: bool, f: Arr
         j, size = 3 * i, unit[i] * rate
         normal, factor, _ = project(w[j] * size, w[j + 1] * size, w[j + 2] * size, given.mu[i], False)
         f[j], f[j + 1], f[j + 2] = factor * w[j] * size, factor * w[j + 1] * size, normal
-    return merit if merit <= exact else math.inf
+    return merit if merit <= SOLVED else math.inf  # as the general way accepts it
 
 
 @compiled

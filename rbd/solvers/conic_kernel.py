@@ -3,7 +3,7 @@
     d off = [(I - V) + V H, -V A^T, -V C^T; A, 0, 0; (I - D) C, 0, D]
 
 with V and D the slopes of the projections on X and on the rows' bounds. Where a row is between its bounds, z becomes 0, and its
-equation is left out.
+equation is left out. And Newton's method on the dual, of `rbd.solvers.conic_newton.by_dual`.
 """
 
 from __future__ import annotations
@@ -178,5 +178,108 @@ newton = compiled(
     signature(
         COUNT, array(2), array(1), array(2), array(1), array(2), *[array(1)] * 4, array(2, COUNT), array(1), FLAG,
         *[array(1, written=True)] * 3,
+    ),
+)  # fmt: skip
+
+
+DUAL_STEPS = 60
+_DONE = 1e-13
+"""Largest |A x - b|, over its terms, at a solution of `by_dual`."""
+_LARGEST = 1e4
+"""Largest terms of A^T y, over those of the objective's gradient, at a solution: rounding then stays below 1e-12."""
+_DAMPED = 1e-14
+"""Added to the derivative's diagonal, over its largest entry."""
+
+
+@compiled
+def _dual_at(
+    A: Array, b: Array, d: Array, c: Array, lower: Array, upper: Array, cones: Array, mu: Array, y: Array, x: Array,
+    single: Array, V: Array,
+) -> tuple[Array, float]:  # fmt: skip
+    """(A x - b, the dual value, which is maximised) of multipliers; x and the slopes are written."""
+    p = -c
+    add_transposed(A, y, p)
+    projected(p / d, lower, upper, cones, mu, x, single, V)
+    over, value = -b, 0.0
+    add_product(A, x, over)
+    for j in range(len(x)):
+        value += (0.5 * d[j] * x[j] + c[j]) * x[j]
+    for r in range(len(y)):
+        value -= y[r] * over[r]
+    return over, value
+
+
+def _by_dual(
+    A: Array, b: Array, d: Array, c: Array, lower: Array, upper: Array, cones: Array, mu: Array, most: int, x: Array, y: Array
+) -> int:
+    """Steps from y to the multipliers of the minimiser x, which are written; -1 where they do not end.
+
+    Args:
+        A: Of `Conic`, as are b and the bounds and cones.
+        b: As there.
+        d: Diagonal of H, above zero and equal within a cone.
+        c: The g there.
+        lower: As there.
+        upper: As there.
+        cones: As there.
+        mu: As there.
+        most: Largest number of steps.
+        x: Shape (n,).
+        y: Shape (e,).
+    """
+    e, n = A.shape
+    magnitude, W, top, largest = np.abs(A), np.empty((e, n)), 0.0, 1.0 + most_of(b)
+    for r in range(e):
+        top = max(top, (A[r] * A[r] / d).sum())
+    if not top < 1e150:
+        return -1
+    single, V, next_x, next_single, next_V = (
+        np.empty(n),
+        np.zeros((len(mu), 3, 3)),
+        np.empty(n),
+        np.empty(n),
+        np.zeros((len(mu), 3, 3)),
+    )
+    over, value = _dual_at(A, b, d, c, lower, upper, cones, mu, y, x, single, V)
+    for count in range(most + 1):
+        miss, terms = most_of(over), np.zeros(e)
+        add_product(magnitude, np.abs(x), terms)
+        if miss <= _DONE * max(most_of(terms), most_of(b)):
+            # In a set without an interior y diverges, and rounding of y A dominates what is projected.
+            terms = np.zeros(n)
+            add_transposed(magnitude, np.abs(y), terms)
+            return count if most_of(terms) <= _LARGEST * max(most_of(c), most_of(d * x)) else -1
+        W[:] = A * (single / d)
+        for k in range(len(mu)):
+            i = cones[k]
+            for r in range(e):
+                for s in range(3):
+                    W[r, i[s]] = (A[r, i[0]] * V[k, 0, s] + A[r, i[1]] * V[k, 1, s] + A[r, i[2]] * V[k, 2, s]) / d[i[s]]
+        J, step, slope = W @ A.T, -over, 0.0
+        # Where many bounds are active the derivative is singular, or zero: the damping then gives an ascent step.
+        for r in range(e):
+            J[r, r] += max(_DAMPED, min(1e-3, 1e-3 * miss / largest)) * top
+        if count == most or not eliminate(J, step, e):
+            return -1
+        for r in range(e):
+            slope -= over[r] * step[r]
+        t = 1.0
+        while True:
+            over, found = _dual_at(A, b, d, c, lower, upper, cones, mu, y + t * step, next_x, next_single, next_V)
+            # Near convergence the value's change is rounding; then the residual of the equations decides.
+            if found >= value + 1e-4 * t * slope or most_of(over) <= 0.5 * miss:
+                break
+            t *= 0.5
+            if t < 1e-9:
+                return -1
+        y += t * step
+        value, x[:], single[:], V[:] = found, next_x, next_single, next_V
+    return -1
+
+
+by_dual = compiled(
+    _by_dual,
+    signature(
+        COUNT, array(2), *[array(1)] * 5, array(2, COUNT), array(1), COUNT, array(1, written=True), array(1, written=True)
     ),
 )  # fmt: skip

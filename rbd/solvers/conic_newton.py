@@ -15,8 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.arrays import Array, is_finite, lapack, max_abs
-from rbd.problem.cones import projection
+from rbd.arrays import Array, is_finite, max_abs
 from rbd.problem.conic import Certificate, Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome, Work
 
@@ -78,15 +77,6 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array, fresh: bool = Fal
     return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count) if count >= 0 else None
 
 
-_DUAL_STEPS = 60
-_DONE = 1e-13
-"""Largest |A x - b|, over its terms, at a solution of `by_dual`."""
-_LARGEST = 1e4
-"""Largest terms of A^T y, over those of the objective's gradient, at a solution: rounding then stays below 1e-12."""
-_DAMPED = 1e-14
-"""Added to the derivative's diagonal, over its largest entry."""
-
-
 def by_dual(program: Conic, y: Array | None = None, work: Work | None = None) -> tuple[Array, Array] | None:
     """(x, y): the minimiser, shape (n,), and its multipliers, shape (e,), where H is diagonal and there are no rows C.
 
@@ -98,59 +88,16 @@ def by_dual(program: Conic, y: Array | None = None, work: Work | None = None) ->
         y: Multipliers to start from; zeros if not given.
         work: Limit of the cost; unlimited if not given.
     """
-    A, b, d, c = program.A, program.b, program.H.diagonal(), program.g
+    from rbd.solvers import conic_kernel  # imports Numba
 
-    def at(y: Array) -> tuple[Array, Array, float]:
-        """(x, the point that is projected to it, the dual value, which is maximised)."""
-        p = (y @ A - c) / d
-        x = program.project(p)
-        return x, p, float(y @ b + 0.5 * (d * x) @ x + c @ x - y @ (A @ x))
-
-    y = np.zeros(len(b)) if y is None else y
-    x, p, value = at(y)
-    magnitude, top = np.abs(A), float((A**2 / d).sum(axis=1).max(initial=0.0))
-    if not top < 1e150:
-        return None
-    cost = float(len(b) + 3) * A.size + 1e5
-    for _ in range(_DUAL_STEPS):
-        missed = b - A @ x
-        if max_abs(missed) <= _DONE * max(max_abs(magnitude @ np.abs(x)), max_abs(b)):
-            # In a set without an interior y diverges, and rounding of y A dominates what is projected.
-            size = max(max_abs(c), max_abs(d * x))
-            return (x, y) if max_abs(np.abs(y) @ magnitude) <= _LARGEST * size else None
-        if work is not None and not work.spend(cost):
-            return None
-        J = _dual_derivative(program, d, p)
-        # Where many bounds are active the derivative is singular, or zero: the damping then gives an ascent step.
-        J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * max_abs(missed) / (1.0 + max_abs(b)))) * top
-        _, step, info = lapack.dposv(J, missed)
-        if info != 0:
-            return None
-        slope, t = float(missed @ step), 1.0
-        for _ in range(30):
-            x, p, found = at(y + t * step)
-            # Near convergence the value's change is rounding; then the residual of the equations decides.
-            if found >= value + 1e-4 * t * slope or max_abs(b - A @ x) <= 0.5 * max_abs(missed):
-                break
-            t *= 0.5
-        else:
-            return None
-        y, value = y + t * step, found
-    return None
-
-
-def _dual_derivative(program: Conic, d: Array, p: Array) -> Array:
-    """Derivative of A x with respect to y, shape (e, e)."""
-    A, cones = program.A, program.cones
-    inside = (p > program.lower) & (p < program.upper)
-    inside[cones.ravel()] = False
-    J = (A[:, inside] / d[inside]) @ A[:, inside].T
-    if not len(cones):
-        return np.asarray(J)
-    V = projection(p[cones].T, program.mu).slopes(program.mu) / d[cones[:, :1], None]
-    columns = A[:, cones]  # (e, k, 3)
-    turned = np.einsum("rki,kij->rkj", columns, V).reshape(len(A), -1)
-    return np.asarray(J + turned @ columns.reshape(len(A), -1).T)
+    P, cost = program, float(len(program.b) + 3) * program.A.size + 1e5
+    given = [np.ascontiguousarray(each) for each in (P.A, P.b, P.H.diagonal(), P.g, P.lower, P.upper, P.cones, P.mu)]
+    work = work or Work(np.inf)
+    most = int(min(max(work.left, 0.0) / cost, conic_kernel.DUAL_STEPS))
+    x, y = np.empty(len(P.g)), np.zeros(len(P.b)) if y is None else y.copy()
+    steps = conic_kernel.by_dual(*given, most, x, y)
+    work.spend(cost * (most if steps < 0 else steps))
+    return None if steps < 0 else (P.project((y @ P.A - P.g) / given[2]), y)
 
 
 # ------------------------------------------------------------------------------------------------------------------- Clarabel

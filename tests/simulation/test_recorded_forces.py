@@ -25,7 +25,7 @@ def _box():
 
 def _shortest(G, g):
     y, z = np.zeros(len(G)), np.zeros(len(g))
-    return y if point_kernel().spanned(G, np.ones(len(G), bool), len(G), g, y, z) else None
+    return y if point_kernel().spanned(G, len(G), g, y, z, np.empty(len(g), int)) >= 0 else None
 
 
 def _corner_forces(found, i, name="sole"):

@@ -80,14 +80,22 @@ class Goals:
 
 
 class Normal:
-    """Normal equations of rows over all frames: H = J^T J in blocks below the diagonal, g = J^T r."""
+    """Normal equations of rows over all frames, below the diagonal: H[i] are the blocks of frames k and k + i, transposed.
+
+    They lie in memory as LAPACK wants a band: column c of frame k in one row, from its diagonal on.
+    """
 
     def __init__(self, n: int, nv: int) -> None:
-        self.H = [np.zeros((n - i, nv, nv)) for i in range(3)]
-        self.g = np.zeros((n, nv))
+        self.band = np.zeros((n, nv * (3 * nv + 1)))
+        blocks = self.band[:, : 3 * nv * nv].reshape(n, nv, 3, nv)
+        self.H, self.g = [blocks[: n - i, :, i] for i in range(3)], np.zeros((n, nv))
+        self.rows: list[tuple[Array, Array]] = []
 
-    def add(self, J: Array, r: Array, frames: Array | slice = slice(None)) -> None:
-        """Rows of single frames: J (frames, m, nv), r (frames, m); each frame once."""
+    def add(self, J: Array, r: Array, frames: Array | None = None) -> None:
+        """Rows of single frames: J (frames, m, nv), r (frames, m); each frame once; of all if not given."""
+        if frames is None:  # those of all are taken together
+            self.rows.append((J, r))
+            return
         T = J.swapaxes(1, 2)
         self.H[0][frames] += T @ J
         self.g[frames] += each_times(T, r)
@@ -98,7 +106,18 @@ class Normal:
         for i in range(3):
             self.g[at - 1 + i] += each_times(T[i], r)
             for j in range(i + 1):
-                self.H[i - j][at - 1 + j] += T[i] @ J[j]
+                self.H[i - j][at - 1 + j] += T[j] @ J[i]
+
+    def add_inner(self, J: Sequence[Array], r: Array) -> None:
+        """Rows of three frames in a row, for all inner frames: J (n - 2, m, nv) each, r (n - 2, m)."""
+        (inner, m, nv), n = J[0].shape, len(self.g)
+        every, right = np.zeros((n, 3, m, nv)), np.zeros((n, 3, m))
+        for i in range(3):
+            every[i : inner + i, i], right[i : inner + i, i] = J[i], r
+        self.add(every.reshape(n, 3 * m, nv), right.reshape(n, 3 * m))
+        for i in (1, 2):
+            one, other = (x.reshape(n - i, (3 - i) * m, nv) for x in (every[: n - i, : 3 - i], every[i:, i:]))
+            self.H[i] += one.swapaxes(1, 2) @ other
 
     def add_diagonal(self, w: tuple[Array, Array, Array], r: Array) -> None:
         """Rows of single coordinates of frames k - 1, k, k + 1, for all inner frames: weights and r (n - 2, nv)."""
@@ -114,13 +133,11 @@ class Normal:
         from scipy.linalg import solveh_banded
 
         n, nv = self.g.shape
-        band = np.zeros((n, nv, 3 * nv))  # of each column what is below its diagonal, in the order that LAPACK wants
-        for c in range(nv):
-            band[:, c, : nv - c] = self.H[0][:, c, c:]
-            for i in (1, 2):
-                band[: n - i, c, i * nv - c : (i + 1) * nv - c] = self.H[i][:, :, c]
-        band[:, :, 0] += DAMPING
-        flat = band.reshape(n * nv, 3 * nv).T
+        J, r = (np.concatenate(x, axis=1) for x in zip(*self.rows, strict=True))
+        self.add(J, r, np.arange(n))
+        self.H[0] *= np.triu(np.ones((nv, nv)))  # what is left of the diagonal LAPACK would take for entries far below it
+        flat = self.band.reshape(n * nv, 3 * nv + 1).T
+        flat[0] += DAMPING
         return np.asarray(solveh_banded(flat, self.g.ravel(), lower=True, overwrite_ab=True, check_finite=False)).reshape(n, nv)
 
 
@@ -277,24 +294,28 @@ def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
 
 def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float) -> None:
     """What is missing on the base, and torques beyond their share of the limits; both by three frames."""
-    robot, dt = sweep.robot, sweep.dt
-    at, inertia, damping = np.arange(1, len(sweep.q) - 1), sweep.M[1:-1] / dt**2, sweep.by_v[1:-1] / (2.0 * dt)
-    by = inertia - damping, sweep.by_q[1:-1] - 2.0 * inertia, inertia + damping
-    need = sweep.need[1:-1]
+    robot, dt, need = sweep.robot, sweep.dt, sweep.need[1:-1]
+
+    def by(frames: Array | slice, rows: Array | slice) -> list[Array]:
+        """Derivatives of some rows of `need` by the three poses."""
+        M, by_v, by_q = (x[1:-1][frames][:, rows] for x in (sweep.M, sweep.by_v, sweep.by_q))
+        inertia, damping = M / dt**2, by_v / (2.0 * dt)
+        return [inertia - damping, by_q - 2.0 * inertia, inertia + damping]
+
     w = stiff / (MISSING * wrench_scale(robot))
-    normal.add_three([w[:, None] * x[:, :6] for x in by], -w * need[:, :6], at)
+    normal.add_inner([w[:, None] * x for x in by(slice(None), slice(6))], -w * need[:, :6])
     least, most = (TORQUE_SHARE * x[1:-1] for x in reference.torques(sweep.v))
     tau = need[:, robot.actuated]
     over = np.maximum(tau - most, 0.0) + np.minimum(tau - least, 0.0)
     some = np.flatnonzero(over.any(axis=1))
     w = np.where(over[some] != 0.0, 1.0 / (TORQUE_UNIT * np.maximum(most, -least)[some]), 0.0)
-    normal.add_three([w[:, :, None] * x[some][:, robot.actuated] for x in by], -w * over[some], at[some])
+    normal.add_three([w[:, :, None] * x for x in by(some, robot.actuated)], -w * over[some], some + 1)
 
 
 def _apart_rows(normal: Normal, sweep: Sweep, bodies: BodyPairs) -> None:
     """Pairs of bodies that are nearer than `APART`: the distance grows with n . (v_second - v_first)."""
     moves = carriers(sweep.robot)
-    for i, j, near in bodies.near(sweep.R, sweep.p, APART):
+    for i, j, near in bodies.near(sweep.R, sweep.p, APART, again=True):
         apart = min(APART, max(bodies.at_rest(i, j), -APART_UNIT))  # as near as where the robot rests
         near = near.some(near.gap < apart)
         k, J, n = near.frames, sweep.J[near.frames], near.normal

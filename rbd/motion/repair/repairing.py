@@ -47,8 +47,8 @@ LEAST_FRAMES = 8
 """A motion of fewer has no course to repair."""
 STIFFNESS = (0.1, 0.1, 0.1, 0.2, 0.4, 0.7, 1.0, 1.0)
 """How stiffly poses follow the plan's forces, from pass to pass: stiff from the start, arms swing wildly."""
-LEVEL_TURNS, TURNS, LAST_TURNS = (4, 2), 3, 6
-"""Steps of Gauss-Newton with loose stances; in a pass, and in the last."""
+LEVEL_TURNS, TURNS = (4, 2), (2, 2, 2, 2, 2, 3, 3, 6)
+"""Steps of Gauss-Newton with loose stances; in each pass."""
 OWN = (0.0, 0.5, 0.8, 1.0, 1.0, 1.0, 1.0, 1.0)
 """Share of the rate of angular momentum that was reached, the mean of plan and poses, in what the next plan stays near to."""
 SETTLED = 4e-3
@@ -199,15 +199,13 @@ class Course:
             now = feet.at(sweep.R, sweep.p)
             course = replace(course, stances=tuple(s.moved_to(now) for s in course.stances))
         plan, stiff, last = course.program(com, moment).solve(), 0.0, np.inf
-        for i, (least, own) in enumerate(zip(STIFFNESS, OWN, strict=True)):
+        for i, (least, own, turns) in enumerate(zip(STIFFNESS, OWN, TURNS, strict=True)):
             if stiff == 1.0 and last < SETTLED:
                 break
             stiff = 1.0 if last < SETTLED else least
-            for _ in range(2 if i == 1 else 1):
-                plan = course.program(com, moment, course.limits(sweep, plan)).solve(plan)
+            plan = course.program(com, moment, course.limits(sweep, plan)).solve(plan)
             R, p, free = course.paths(plan.shifts)
             goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p), kept, grasps)
-            turns = LAST_TURNS if i + 1 == len(STIFFNESS) else TURNS
             q, _, last = posed(q, reference, feet, goals, self.bodies, turns, stiff)
             sweep = Sweep.of(robot, q, dt)
             com = np.column_stack([com[:, :2], sweep.com[:, 2]])
