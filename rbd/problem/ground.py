@@ -171,6 +171,7 @@ class Body(Displayed):
 FLOOR = Ground(point=(0.0, 0.0, 0.0))
 """The plane z = 0."""
 
+
 def _twist(what: str, value: Sequence[float] | Array) -> Array:
     """Linear and angular parts, shape (6,); a missing angular part is zero."""
     given = as_array(what, value)
