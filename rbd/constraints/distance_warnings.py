@@ -82,8 +82,9 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     if told:
         warnings.warn(
             f"contacts of {robot.name} are off the ground that they stand on: {joined(told)}. Move the robot "
-            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
-            "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
+            "(robot.standing() puts its feet on z = 0, rbd.find_pose onto terrain), leave out what does not touch, or give the "
+            "plane: robot.feet(on=0.75), robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None "
+            "where it is not known.",
             DistantContactWarning,
             stacklevel=stacklevel,
         )
