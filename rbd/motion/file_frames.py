@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_finite, check_flag, check_number
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
@@ -79,7 +80,7 @@ class Frames:
         derivation: How v and a came from q, where the file says so; else None.
         notes: What was guessed and changed, in words.
         noise: Standard deviation of q along each velocity that the file's decimals leave, shape (nv,) [m, rad].
-        ground: Height of the floor [m]; None: the file does not say.
+        ground: Height of the floor [m], or the terrain; None: the file does not say.
         contacts: Contacts and forces that are beside it; None without any.
         quaternion: "xyzw" where the order of quaternions is decided; None: it is still to be found.
         simulated: Whether q, v and a are those of a trajectory of `rbd`.
@@ -93,7 +94,7 @@ class Frames:
     derivation: Derivation | None = None
     notes: tuple[str, ...] = ()
     noise: Array | float = 0.0
-    ground: float | None = None
+    ground: float | Terrain | None = None
     contacts: StoredContacts | None = None
     quaternion: str | None = "xyzw"
     simulated: bool = False

@@ -14,6 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_whole
+from rbd.constraints.terrain.plain import plain_of
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
@@ -48,7 +50,7 @@ class ToSave:
         forces: At these points, in W, shape (n, k, 3) [N]; None where they are not known.
         notes: What is said of it.
         derivation: How v and a came from q, or None.
-        ground: Height of the floor [m]; None where it is not known.
+        ground: Height of the floor [m], or the terrain; None where it is not known.
     """
 
     motion: SampledAccelerations
@@ -56,7 +58,7 @@ class ToSave:
     forces: Array | None
     notes: tuple[str, ...]
     derivation: Derivation | None
-    ground: float | None
+    ground: float | Terrain | None
 
 
 def save_motion(given: ToSave, path: object, kind: str, *, header: bool, decimals: int) -> None:
@@ -70,6 +72,8 @@ def save_motion(given: ToSave, path: object, kind: str, *, header: bool, decimal
     check_place(where)
     motion, beside = given.motion, _contacts(given)
     if suffix == ".csv":
+        if isinstance(given.ground, Terrain):
+            raise InputError(f"a .csv cannot hold {given.ground}; expected an .npz, or a motion on a level floor.")
         return _write_csv(where, motion, header=header, decimals=decimals)
     held = _own(given) if kind == "motion" else _KINDS[kind](motion, _single_joints(motion, where))
     arrays = {name: x for name, x in {**held, **beside}.items() if x is not None}
@@ -82,14 +86,19 @@ def save_motion(given: ToSave, path: object, kind: str, *, header: bool, decimal
 
 def _contacts(given: ToSave) -> dict[str, Array]:
     """What is known of the floor and of the contacts there: their places, whether they touch and slide, and the forces."""
-    lanes, ground = given.contacts, given.ground
-    out = {} if ground is None else {"ground": np.array(ground)}
+    lanes, out = given.contacts, _floor(given.ground)
     if lanes is None:
         return out
     out |= {"contact_names": np.array(lanes.names, dtype="U"), "contact_positions": lanes.places}
     out |= {"contact_labels": lanes.touches, "contact_slides": lanes.slides, "contact_raised": lanes.raised}
-    out |= {"ground": np.array(lanes.ground)}
+    out |= _floor(lanes.ground)
     return out if given.forces is None else out | {"contact_forces": given.forces}
+
+
+def _floor(ground: float | Terrain | None) -> dict[str, Array]:
+    if isinstance(ground, Terrain):
+        return {"terrain": np.array(json.dumps(plain_of(ground)))}
+    return {} if ground is None else {"ground": np.array(ground)}
 
 
 def _write_csv(path: Path, motion: SampledAccelerations, *, header: bool, decimals: int) -> None:

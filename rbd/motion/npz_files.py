@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.terrain.plain import terrain_of
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel, with_plain_motors
 from rbd.motion.array_files import NamedArrays, named_arrays
@@ -105,17 +107,23 @@ def _stored_robot(file: NamedArrays) -> CheckedModel:
     return with_plain_things(with_plain_motors(robot, motors), things)
 
 
-def _contacts(file: NamedArrays) -> tuple[StoredContacts | None, float | None]:
-    """(contacts and forces of the floor, its height [m]) as `Motion.save` writes them beside a motion; None without them.
+def _contacts(file: NamedArrays) -> tuple[StoredContacts | None, float | Terrain | None]:
+    """(contacts and forces of the floor, its height [m] or the terrain) as `Motion.save` writes them; None without them.
 
     Raises:
-        InputError: their shapes do not fit.
+        InputError: their shapes do not fit, or a terrain that is none.
     """
-    ground = file.numbers("ground").ravel() if "ground" in file else np.zeros(0)
+    heights = file.numbers("ground").ravel() if "ground" in file else np.zeros(0)
+    ground: float | Terrain | None = float(heights[0]) if len(heights) == 1 else None
+    if "terrain" in file:
+        try:
+            ground = terrain_of(json.loads(file.text("terrain")))
+        except json.JSONDecodeError:
+            raise InputError(f"{file.path.name}: terrain is no JSON of Motion.save.") from None
     names = file.texts("contact_names")
     kinds = [f"contact_{what}" for what in ("labels", "slides", "raised")]
     if not names or not set(kinds) <= set(file.arrays):
-        return None, float(ground[0]) if len(ground) == 1 else None
+        return None, ground
     labels = [file.numbers(name) > 0.0 for name in kinds]
     forces = file.numbers("contact_forces") if "contact_forces" in file else None
     file.used.add("contact_positions")  # those of kinematics
@@ -125,7 +133,7 @@ def _contacts(file: NamedArrays) -> tuple[StoredContacts | None, float | None]:
         if x is not None and x.shape != own:
             raise InputError(f"{file.path.name}: {what} has shape {x.shape}; expected {own}, for contact_names.")
     touches, slides, raised = labels
-    return StoredContacts(names, touches, slides, raised, forces), float(ground[0]) if len(ground) == 1 else None
+    return StoredContacts(names, touches, slides, raised, forces), ground
 
 
 def _of_q(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> Frames:

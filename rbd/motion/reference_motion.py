@@ -269,10 +269,14 @@ class Motion(Displayed):
 
     @classmethod
     def of_trajectory(cls, trajectory: Trajectory) -> Motion:
-        """The motion of a trajectory: its t, q, v and a as they were simulated."""
+        """The motion of a trajectory: its t, q, v and a as they were simulated, on its terrain if it has one."""
         x = trajectory
         check_kind("trajectory", x, Trajectory, "what rbd.simulate returns")
-        return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory", quaternion="xyzw", trust=True)
+        several = [f"its {len(x.terrains)} terrains are left out: ground= names one."] if len(x.terrains) > 1 else []
+        return cls.of_arrays(
+            x.robot, x.t, x.q, x.v, x.a, source="trajectory", notes=several, quaternion="xyzw", trust=True,
+            ground=x.terrains[0] if len(x.terrains) == 1 else None,
+        )  # fmt: skip
 
     @classmethod
     def from_function(
@@ -458,7 +462,8 @@ class Motion(Displayed):
 
         Contacts and forces, if it has them, are beside it in an .npz or .pkl, in arrays that `read` takes up: `contact_names`,
         shape (k,), `contact_labels`, `contact_slides` and `contact_raised`, shape (n, k), `contact_positions`, shape (n, k, 3)
-        [m], and `contact_forces` [N]; and `ground`, the height of the floor. A .csv has no place for them.
+        [m], and `contact_forces` [N]; and `ground`, the height of the floor, or `terrain`. A .csv has no
+        place for them, and refuses a terrain.
 
         Args:
             path: Ends in .csv or .npz; of GMR in .pkl or .npz.
@@ -473,12 +478,8 @@ class Motion(Displayed):
             InputError: another suffix, a path that cannot be written, or a robot that this kind of file cannot hold.
         """
         check_flag("header", header)
-        ground, known = self.ground, self.contacts and self.contacts.ground
-        for floor in (ground, known):
-            if isinstance(floor, Terrain):
-                raise InputError(f"a file of kind {kind!r:.80} cannot hold {floor}; expected a motion on a level floor.")
-        given = ground if self.ground_given and not isinstance(ground, Terrain) else None
-        held = ToSave(self, self.contacts, self.forces, self.notes, self.derivation, given)
+        ground = self.ground if self.ground_given else None
+        held = ToSave(self, self.contacts, self.forces, self.notes, self.derivation, ground)
         save_motion(held, path, kind, header=header, decimals=decimals)
 
     def _changed(self, note: str, **fields: Any) -> Motion:

@@ -158,8 +158,15 @@ def test_a_motion_keeps_its_terrain(tmp_path):
         check(kept, up_to(3.0)).repaired(slower=2.0)
     with pytest.raises(rbd.InputError, match="lifted on a level floor"):
         report.lifted()
-    with pytest.raises(rbd.InputError, match=r"cannot hold terrain of 2 pieces"):
-        kept.save(tmp_path / "step.npz")
+    with pytest.raises(rbd.InputError, match=r"a \.csv cannot hold terrain of 2 pieces"):
+        kept.save(tmp_path / "step.csv")
+    for name, kind in (("step.npz", "motion"), ("step.pkl", "gmr")):
+        kept.with_contacts(report.lanes, report.forces).save(tmp_path / name, kind=kind)
+        read = rbd.Motion.read(tmp_path / name, robot=TALOS, progress=False)
+        assert isinstance(read.ground, rbd.Terrain) and read.ground.names == terrain.names
+        np.testing.assert_array_equal(read.contacts.touches, report.lanes.touches)
+        np.testing.assert_allclose(read.contacts.places, report.lanes.places, atol=1e-6)
+        assert check(read).share_possible == 1.0
     with pytest.raises(rbd.InputError, match="level floor to mirror"):
         kept.mirror()
     with pytest.raises(rbd.InputError, match=r"an rbd\.Terrain"):

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.motion.causes import CAUSES
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.difference import MotionDifference
@@ -171,6 +172,7 @@ def shown_report(report: MotionReport) -> ShownMotion:
         tuple(events),
         lanes={words: colors[name] for name, words in names.items()} | dict(cause_colors()),
         pushes=pushes,
+        terrains=(lanes.ground,) if isinstance(lanes.ground, Terrain) else (),
         down=lanes.zero,
         charts=partial(report_charts, report),
         defaults={"trace": False, "fps": _fps(report), "start": float(motion.t[worst]), "ghost": reference},
