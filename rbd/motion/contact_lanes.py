@@ -27,7 +27,7 @@ LEAST = 3
 
 
 def lanes_of(
-    motion: SampledMotion, points: FloorPoints, touches: Array, ground: float, rest_speed: float = REST_SPEED
+    motion: SampledMotion, points: FloorPoints, touches: Array, ground: float | Terrain, rest_speed: float = REST_SPEED
 ) -> ContactTimeline:
     """The contacts of a motion whose points touch as said, measured: heights, speeds, which of them slide or are raised.
 
@@ -35,9 +35,15 @@ def lanes_of(
         motion: The motion.
         points: Points that may touch.
         touches: Which do, shape (n, k).
-        ground: Height of the floor [m].
+        ground: Height of the floor [m], or the terrain: then of points over an edge their places on it.
         rest_speed: Fastest motion of a point that holds [m/s].
     """
+    if isinstance(ground, Terrain):
+        over = OverTerrain.of(ground, points, *placements(motion.robot, motion.q))
+        owners = [points.names.index(name.removesuffix(AGAIN)) for name in over.points.names]
+        lanes = lanes_of(motion, over.points, touches[:, owners] & over.rests, 0.0, rest_speed)
+        found = over.of_timeline(lanes, np.ones(len(over.points), bool))
+        return replace(found, heights=over.heights, ground=ground, raised=found.touches & (over.heights > TOUCHES_M))
     places = points.places(*placements(motion.robot, motion.q))
     heights = places[..., 2] - ground
     speeds, noise = slopes(motion.t, places[..., :2], touches, np.zeros(len(points)))

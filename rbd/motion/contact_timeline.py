@@ -150,6 +150,16 @@ class ContactTimeline(Displayed):
         """Height of the level floor, 0 on terrain [m]."""
         return 0.0 if isinstance(self.ground, Terrain) else self.ground
 
+    def under(self, contacts: Sequence[int]) -> Array:
+        """Height of what is under some contacts, at their lowest points, shape (n, len(contacts)) [m]."""
+        out = np.zeros((len(self.t), len(contacts)))
+        for f, g in enumerate(contacts):
+            own = np.flatnonzero(self.points.group == g)
+            lowest = own[self.heights[:, own].argmin(axis=1)][:, None]
+            place, height = (np.take_along_axis(x, lowest, axis=1)[:, 0] for x in (self.places[..., 2], self.heights))
+            out[:, f] = place - height
+        return out
+
     def level(self, what: str) -> float:
         """Height of the floor [m].
 

@@ -374,10 +374,13 @@ class MotionReport(Displayed):
         if isinstance(keep, str) or not isinstance(keep, Sequence):
             raise InputError(f"keep is {keep!r:.80}; expected names of frames: ['left_hand', 'right_hand'].")
         frames = [m.robot.frame(name).name for name in keep]
-        found = self.lanes.level("repaired")
-        level = m.ground if settings.ground in (None, "fit") and not isinstance(m.ground, Terrain) else found
+        level = found = self.lanes.ground
+        if settings.ground in (None, "fit") and not isinstance(found, Terrain) and not isinstance(m.ground, Terrain):
+            level = m.ground
+        if self.lanes.axes is not None:
+            raise InputError(f"the motion is on slopes of {found}; expected level tops to repair it on.")
         if pace == 1.0 and self.possible.all():
-            raised = level - found
+            raised = 0.0 if isinstance(level, Terrain) or isinstance(found, Terrain) else level - found
             same, lanes = m, self.lanes
             if raised:
                 same, lanes = m.lifted(raised), replace(lanes, places=lanes.places + [0.0, 0.0, raised], ground=level)

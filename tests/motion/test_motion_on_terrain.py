@@ -154,8 +154,6 @@ def test_a_motion_keeps_its_terrain(tmp_path):
     report = rbd.check_motion(kept, progress=False)
     assert report.lanes.ground is terrain and report.share_possible == 1.0
     assert "terrain of 2 pieces" in report.summary()["ground_m"] and "terrain of 2 pieces" in str(report)
-    with pytest.raises(rbd.InputError, match="repaired on a level floor"):
-        check(kept, up_to(3.0)).repaired(slower=2.0)
     with pytest.raises(rbd.InputError, match="lifted on a level floor"):
         report.lifted()
     with pytest.raises(rbd.InputError, match=r"a \.csv cannot hold terrain of 2 pieces"):
@@ -182,3 +180,16 @@ def test_ball_feet():
     hole = rbd.Terrain.boxes([(-2, -2, -1), (2, foot[1] - 0.05, 0)], [(-2, foot[1] - 0.05, -1), (foot[0] - 0.05, 2, 0)])
     assert check(motion, up_to(3.0)).share_possible == 1.0
     assert not check(motion, hole).lanes.of_contact("front_left").any()
+
+
+def test_feet_are_put_onto_treads():
+    """A step whose terrain is a centimetre lower and a box 1 cm lower still is repaired onto both."""
+    motion, terrain = stepping()
+    edge = terrain.pieces[0].box[3]
+    lower = rbd.Terrain.boxes([(-3, -3, -1), (edge, 3, -0.01)], [(edge, -3, -1), (3, 3, 0.06)])
+    before = check(motion, lower)
+    assert before.share_possible < 0.1
+    after = check(before.repaired(progress=False), lower)
+    assert after.share_possible > 0.95, str(after)
+    end = after.lanes.touches[-1]
+    np.testing.assert_allclose(after.lanes.places[-1, end, 2], [-0.01] * 4 + [0.06] * 4, atol=2e-3)

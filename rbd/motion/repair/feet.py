@@ -188,7 +188,7 @@ class Stance:
         return replace(self, place=place)
 
 
-def standing(on: Array, feet: Feet, ground: float) -> Array:
+def standing(on: Array, feet: Feet, ground: Array) -> Array:
     """Which feet stand when, shape (n, F): as meant, without stances and steps too short to make, and never none.
 
     Changes of feet share the load for a time. A foot that drifts or turns while it is down makes one more step where it moves
@@ -197,7 +197,7 @@ def standing(on: Array, feet: Feet, ground: float) -> Array:
     Args:
         on: Which feet touch as meant, shape (n, F).
         feet: The feet of the same motion.
-        ground: Height of the floor [m].
+        ground: Height of what is under each foot, shape (n, F) [m].
     """
     dt, n = feet.dt, len(feet.p)
     on = on.copy()
@@ -298,7 +298,7 @@ def stances_of(on: Array, feet: Feet) -> list[Stance]:
     return out
 
 
-def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, Array, Array]:
+def paths(stances: Sequence[Stance], feet: Feet, ground: Array) -> tuple[Array, Array, Array]:
     """(R, p, free) of the feet: fixed in stances, level or on an edge, smooth and above the floor between.
 
     Shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F): how free they are, from 0 in stances to 1 in the middle of steps.
@@ -306,7 +306,7 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, 
     Args:
         stances: All stances.
         feet: The feet of the reference, whose height, tilt and way are kept in the middle of a step.
-        ground: Height of the floor [m].
+        ground: Height of what is under each foot, constant in a stance, shape (n, F) [m].
     """
     R, p, free = feet.R.copy(), feet.p.copy(), np.zeros(feet.p.shape[:2])
     smooth, yaw, low, tilt = feet.smooth, feet.yaw, feet.low - ground, feet.tilt
@@ -317,7 +317,7 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, 
         leans[:, 1] = feet.lean[:, f]
         for s in own:
             R_s, at = turned(s.place[2:])[0], s.frames
-            p[at, f] = [*s.place[:2], ground - float(corners[:, 2].min())] + raised[at] @ R_s.T
+            p[at, f] = [*s.place[:2], ground[s.first, f] - float(corners[:, 2].min())] + raised[at] @ R_s.T
             R[at, f] = R_s @ rotations(leans[at]) if feet.flat[f] else feet.R[at, f]
         for before, after in zip([None, *own], [*own, None], strict=True):
             a, b = (-1 if before is None else before.last), (n if after is None else after.first)
@@ -343,8 +343,28 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: float) -> tuple[Array, 
             R[k, f] = turned(place[:, 2]) @ rotations(w) if feet.flat[f] else feet.R[k, f]
             height = up * np.maximum(low[k, f], CLEAR if before is not None or after is not None else 0.0)
             free[k, f], p[k, f, :2] = along, place[:, :2]
-            p[k, f, 2] = ground + height - (R[k, f, 2] @ corners.T).min(axis=1)
+            p[k, f, 2] = ground[k, f] + height - (R[k, f, 2] @ corners.T).min(axis=1)
     return R, p, free
+
+
+def treads(stances: Sequence[Stance], under: Array) -> Array:
+    """Height of what is under each foot, constant in stances: it rises early in steps up, and falls late in steps down.
+
+    Args:
+        stances: All stances.
+        under: The same, as found, shape (n, F) [m].
+    """
+    out, n = under.copy(), len(under)
+    for f in range(under.shape[1]):
+        own = [s for s in stances if s.foot == f]
+        for s in own:
+            out[s.frames, f] = np.median(under[s.frames, f])
+        for before, after in zip([None, *own], [*own, None], strict=True):
+            a, b = (-1 if before is None else before.last), (n if after is None else after.first)
+            low, high = (out[(one or after or before or own[0]).first, f] for one in (before, after))
+            u = (np.arange(a + 1, b) - a) / (b - a)
+            out[a + 1 : b, f] = low + (high - low) * blend(u / 0.4 if high > low else (u - 0.6) / 0.4)
+    return out
 
 
 def blend(u: Array) -> Array:

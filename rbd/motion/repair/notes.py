@@ -44,7 +44,7 @@ def notes_of(
     raised = course.raised
     if abs(raised) >= 5e-4:
         way = "raised" if raised > 0.0 else "lowered"
-        out.append(f"the reference was {way} by {1e3 * abs(raised):.0f} mm to the floor at z = {course.ground:g} m.")
+        out.append(f"the reference was {way} by {1e3 * abs(raised):.0f} mm to the floor at z = {course.ground} m.")
     out.append(_far(course, found.sweep))
     grasps = Grasps.of(motion.robot, motion.q)
     if grasps.things:

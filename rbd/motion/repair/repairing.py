@@ -11,15 +11,16 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidPlan, CentroidProgram
 from rbd.constraints.contact import Contact
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.model.sampled_motion import cubic, cubic_rate, interpolated_q
 from rbd.motion.contact_lanes import lanes_of
-from rbd.motion.contact_timeline import ContactTimeline
+from rbd.motion.contact_timeline import AGAIN, ContactTimeline
 from rbd.motion.derivation import low_passed
 from rbd.motion.frame_terms import carriers
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
-from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing
+from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing, treads
 from rbd.motion.repair.posture import TORQUE_SHARE, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
@@ -64,7 +65,8 @@ class Course:
         feet: Feet of the reference.
         on: Which stand, shape (n, F).
         stances: Their stances.
-        ground: Height of the floor [m].
+        ground: Height of the floor [m], or the terrain.
+        treads: Height of what is under each foot, shape (n, F) [m].
         friction: Coefficient that is used.
         bodies: Pairs of bodies that are kept apart.
         stride: Distances of the feet from each other where the robot stands, shape (F, F) [m].
@@ -79,7 +81,8 @@ class Course:
     feet: Feet
     on: Array
     stances: tuple[Stance, ...]
-    ground: float
+    ground: float | Terrain
+    treads: Array
     friction: float
     bodies: BodyPairs | None
     stride: Array
@@ -92,7 +95,7 @@ class Course:
     def paths(self, shifts: Array | None = None) -> tuple[Array, Array, Array]:
         """(R, p, free) of the feet, where stances are shifted along the floor."""
         moved = [s if shifts is None else replace(s, place=s.place + [*shifts[i], 0.0]) for i, s in enumerate(self.stances)]
-        return paths(moved, self.feet, self.ground)
+        return paths(moved, self.feet, self.treads)
 
     @lazy
     def spots(self) -> tuple[tuple[int, int, Array], ...]:
@@ -238,7 +241,7 @@ def repaired(
     lanes: ContactTimeline,
     friction: float,
     torques: Callable[[Array], tuple[Array, Array]],
-    level: float,
+    level: float | Terrain,
     *,
     self_collision: bool,
     slower: float,
@@ -252,7 +255,7 @@ def repaired(
         lanes: Its contacts, as meant.
         friction: Coulomb's coefficient.
         torques: (least, most) torques at velocities.
-        level: Height of the floor on which it is put [m].
+        level: Height of the floor on which it is put [m], or the terrain.
         self_collision: Whether bodies are kept apart.
         slower: How many times as long it takes.
         keep: Frames whose poses stay as they are.
@@ -268,20 +271,23 @@ def repaired(
     t, frames = _times(motion)
     dt = float(t[1] - t[0])
     q = interpolated_q(robot, motion.t, motion.q, motion.v, t.clip(motion.t[0], motion.t[-1]))
-    q[:, 2] += level - lanes.zero
+    raised = 0.0 if isinstance(level, Terrain) else level - lanes.zero
+    q[:, 2] += raised
     q = low_passed(robot, q, FILTER * dt)
     feet = Feet.of(robot, contacts, q, dt)
     some, every = (lanes.points.group_reduced(of, lanes.touches[frames]) for of in (np.logical_or, np.logical_and))
     own = [g for g, contact in enumerate(lanes.contacts) if isinstance(contact, Contact)]
-    on = standing(some[:, own], feet, level)
+    under = lanes.under(own)[frames] + raised
+    on = standing(some[:, own], feet, under)
     feet = replace(feet, dt=slower * dt).leaning(on, on & some[:, own] & ~every[:, own])
     rest = Feet.of(robot, contacts, (robot.standing().q if isinstance(robot, Robot) else q[0])[None], dt).p[0]
     course = Course(
-        Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances_of(on, feet)), level,
+        Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances := stances_of(on, feet)), level,
+        treads(stances, under),
         FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
         np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
         (bool(t[0] < motion.t[0] and on[0].any()), bool(t[-1] > motion.t[-1] + 0.5 * dt and on[-1].any())),
-        tuple(contacts), level - lanes.zero, motion.t[0] + slower * float(t[0] - motion.t[0]),
+        tuple(contacts), raised, motion.t[0] + slower * float(t[0] - motion.t[0]),
     )  # fmt: skip
     t = motion.t[0] + slower * (t - motion.t[0])
     found = course.solved(done)
@@ -313,9 +319,10 @@ def nearest_in(times: Array, t: Array) -> Array:
 def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slower: float) -> Motion:
     """The poses as a motion at the times of the reference, with its contacts."""
     robot, sweep, course = motion.robot, found.sweep, found.course
-    on = np.zeros((len(course.on), len(lanes.points)), bool)
+    points = lanes.points.some(~np.char.endswith(lanes.names, AGAIN)) if isinstance(course.ground, Terrain) else lanes.points
+    on = np.zeros((len(course.on), len(points)), bool)
     for contact, carry in zip(course.contacts, course.feet.carrying(course.on), strict=True):
-        on[:, lanes.points.group == lanes.contacts.index(contact)] = carry
+        on[:, points.group == lanes.contacts.index(contact)] = carry
     wanted = motion.t[0] + slower * (motion.t - motion.t[0])
     near = nearest_in(t, wanted)
     q, v, a, on = sweep.q[near], sweep.v[near], sweep.a[near], on[near]
@@ -325,4 +332,4 @@ def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slo
     out = Motion.of_arrays(
         robot, wanted, q, v, a, source=f"repaired {motion.source}", ground=course.ground, quaternion="xyzw", trust=True
     )
-    return out.with_contacts(lanes_of(out, lanes.points, on, course.ground))
+    return out.with_contacts(lanes_of(out, points, on, course.ground))
