@@ -23,9 +23,8 @@ SOLE = np.array([[0.12, 0.06, 0.0], [0.12, -0.06, 0.0], [-0.12, -0.06, 0.0], [-0
 
 
 def touched(terrain: rbd.Terrain, corners: Array, up: Array = UP) -> Touches:
-    return Touches(
-        terrain.polytopes, np.ascontiguousarray(corners, float), np.array([0, len(corners)]), np.array(up)[None].copy(), 0.05
-    )
+    P, at = np.ascontiguousarray(corners, float), np.array([0, len(corners)])
+    return Touches(terrain.polytopes, P, at, np.array(up)[None].copy(), np.zeros(1), 0.05)
 
 
 def on_box(q: Any, terrain: rbd.Terrain, **given: Any) -> tuple[rbd.State, rbd.SurfaceContact]:

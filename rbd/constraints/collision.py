@@ -17,6 +17,8 @@ from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joine
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
 from rbd.constraints.surface import On, check_state, check_words, contact_axes, plane_of
+from rbd.constraints.terrain.shapes import OnPieces
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
 from rbd.errors.inputs import listed_items
@@ -24,11 +26,13 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import RenewedLock
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction
-from rbd.problem.ground import TOUCHES, Ground
+from rbd.problem.ground import FLOOR, TOUCHES, Ground
 from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4
 """Points with a gap up to this count as touching, by default: the residual gap of an iterated posture."""
+_ON_PIECES = 10**9
+"""Points between bodies are numbered from here on beside terrain, whose points get numbers as they appear."""
 _MOST_STRUCTURES = 1000
 """Number of cached sets of points; tumbling shapes can have a new one at every step."""
 
@@ -61,7 +65,7 @@ class CollisionContacts(Displayed):
         ground: Whether there is a plane; or names of the only links or shapes that can touch it.
         pairs: Pairs of names of links or shapes that can touch each other; True: the collision pairs of
             `robot.collision_model`, or all bodies that no single joint connects where it has none.
-        on: The plane of a ground at rest: `rbd.Ground(point=..., normal=...)`, or the height of a level one [m].
+        on: The plane of a ground at rest: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Terrain`.
         margin: Largest gap of points that get rows [m]. In `rbd.solve` all of them touch; a simulation uses a larger margin.
             Bodies that are inside each other by more than it, and more than 1 mm, get a `DistantContactWarning`; a simulation
             does not start from more than 1 cm.
@@ -85,7 +89,7 @@ class CollisionContacts(Displayed):
     facets: int
     ground: bool | tuple[str, ...]
     pairs: bool | tuple[tuple[str, str], ...]
-    on: Ground
+    on: Ground | Terrain
     margin: float
     _point: Array = field(init=False, repr=False)
     _axes: Array = field(init=False, repr=False)
@@ -111,7 +115,8 @@ class CollisionContacts(Displayed):
                 f"friction of {name!r:.80} is None; expected a number >= 0: contacts found from shapes are unilateral."
             )
         check_friction(friction, facets)
-        plane_on = plane_of(name, on)
+        terrain = on if isinstance(on, Terrain) else None
+        plane_on = FLOOR if terrain else plane_of(name, on)
         if plane_on.motion is not None or plane_on.velocity is not None or plane_on.acceleration is not None:
             raise InputError(
                 f"the ground of {name!r:.80} moves; expected one at rest. On moving ground give contacts at points."
@@ -121,11 +126,14 @@ class CollisionContacts(Displayed):
         if not low and not both:
             raise InputError(f"CollisionContacts {name!r:.80} has neither ground nor pairs: nothing can touch.")
         point, axes = np.asarray(plane_on.point), contact_axes(np.asarray(plane_on.normal))
-        plane = OnPlane(robot, low, axes, point) if low else None
-        first = len(plane.points.body) if plane is not None else 0
-        finder = _Finder(plane, Between(robot, both, first) if both else None)
+        plane = OnPlane(robot, low, axes, point) if low and not terrain else None
+        pieces = OnPieces(robot, low, terrain) if low and terrain else None
+        first = len(plane.points.body) if plane is not None else _ON_PIECES if pieces is not None else 0
+        if terrain and terrain.friction is not None:
+            friction = terrain.friction
+        finder = _Finder(plane, Between(robot, both, first) if both else None, pieces)
         self.__dict__.update(
-            name=name, robot=robot, friction=float(friction), facets=int(facets), on=plane_on, margin=margin,
+            name=name, robot=robot, friction=float(friction), facets=int(facets), on=terrain or plane_on, margin=margin,
             ground=ground if isinstance(ground, bool) else tuple(ground),
             pairs=pairs if isinstance(pairs, bool) else tuple(tuple(pair) for pair in pairs),
             _point=point, _axes=axes, _turn=np.hstack([cross_matrix(e) for e in axes.T]),  # maps r to r x e of the three axes
@@ -161,9 +169,10 @@ class CollisionContacts(Displayed):
         error = np.zeros(3 * k)
         error[2::3] = found.gaps
         patch, kept, within, deep = None, self._kept, max(TOUCHES, self.margin), list[tuple[str, float]]()
-        if self.pairs:
+        if self._scattered:
             deep = [(found.names[i], -float(found.gaps[i])) for i in np.flatnonzero(found.gaps < -within)]
         else:
+            assert isinstance(self.on, Ground)
             r = found.positions - self._point
             patch = Patch(self._point, self._axes, r @ self._axes, self.friction, on=self.on, within=within)
         J, bias, velocity = found.J[kept], found.bias[kept], found.velocity[kept]
@@ -195,13 +204,18 @@ class CollisionContacts(Displayed):
         return CollisionPoints(self.with_margin(MARGIN))
 
     @property
+    def _scattered(self) -> bool:
+        """Whether points have axes of their own: with pairs, and on terrain."""
+        return bool(self.pairs) or isinstance(self.on, Terrain)
+
+    @property
     def _kept(self) -> slice:
         """Which of a point's three rows are used."""
         return slice(None) if self.friction else slice(2, None, 3)
 
     def _resultant(self, found: Touching) -> Array | None:
-        """Map from row forces to the wrench on the robot about the plane's point; None with pairs."""
-        if self.pairs:
+        """Map from row forces to the wrench on the robot about the plane's point; None with pairs and on terrain."""
+        if self._scattered:
             return None
         k = len(found.gaps)
         resultant = np.empty((6, 3 * k))
@@ -227,14 +241,15 @@ class CollisionContacts(Displayed):
 class _Finder:
     """Computes the points at a state, one thread at a time; the last result is cached, for rows and points."""
 
-    def __init__(self, plane: OnPlane | None, between: Between | None) -> None:
-        self.plane, self.between = plane, between
+    def __init__(self, plane: OnPlane | None, between: Between | None, pieces: OnPieces | None = None) -> None:
+        self.plane, self.between, self.pieces = plane, between, pieces
         self._lock = RenewedLock()
         self._last: tuple[weakref.ref[State], float, Touching] | None = None
 
     def another(self) -> _Finder:
         """A copy with separate caches."""
-        return _Finder(self.plane and self.plane.another(), self.between and self.between.another())
+        parts = (part and part.another() for part in (self.plane, self.between, self.pieces))
+        return _Finder(*parts)  # type: ignore[arg-type]
 
     def at(self, state: State, margin: float) -> Touching:
         """All points within the margin."""
@@ -244,6 +259,7 @@ class _Finder:
         with self._lock:
             low = None if self.plane is None else self.plane.at(state.q, state.v, margin)
             parts = [] if low is None else [low]
+            parts += [] if self.pieces is None else self.pieces.at(state, margin)
             parts += [] if self.between is None else self.between.at(state, margin)
         found = joined(parts, self.label, state.robot.nv)
         self._last = weakref.ref(state), margin, found
@@ -253,6 +269,8 @@ class _Finder:
         """The name of a point."""
         if self.between is not None and number >= self.between.first_number:
             return self.between.label(number)
+        if self.pieces is not None:
+            return self.pieces.label(number)
         assert self.plane is not None
         return self.plane.label(number)
 
@@ -274,7 +292,7 @@ class CollisionPoints:
         J = found.J[kept]
         return Measured(
             self._structure(found.numbers), J, found.velocity[kept], found.bias[kept], found.gaps, np.zeros(len(J)), None,
-            None if contacts.pairs else found.positions - contacts._point, found.positions, found.axes,
+            None if contacts._scattered else found.positions - contacts._point, found.positions, found.axes,
         )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:

@@ -127,6 +127,12 @@ def convex_shape(shape: pin.GeometryObject) -> ConvexShape:
     return ConvexShape(str(shape.name), int(shape.parentJoint), placed, turned, faces, geometry, X)
 
 
+def polyhedron(name: str, corners: Array) -> ConvexShape:
+    """The convex hull of corners in W, shape (k, 3), fixed to the world."""
+    kept, faces, solid = _solid(np.ascontiguousarray(corners).tobytes())
+    return ConvexShape(name, 0, kept, (), faces, solid, pin.SE3.Identity())
+
+
 def parts_of(geometry: coal.CollisionGeometry) -> tuple[Array, list[RoundPart], Array]:
     """(vertices (k, 3), round parts, faces (m, 4) as of `ConvexShape`) in a geometry's own axes; of others than these, nothing.
 

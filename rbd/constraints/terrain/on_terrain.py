@@ -75,7 +75,7 @@ class OnTerrain:
         R, p = state.joint_places(self.joints)
         plates = (R[self._of] @ self._arms[:, :, None])[:, :, 0] + p[self._of]
         ups = np.where(self._flat[:, None], (R[self._joint] @ self._ups[:, :, None])[:, :, 0], self._ups)
-        return Touches(self.terrain.polytopes, plates, self._at, ups, margin), R, p
+        return Touches(self.terrain.polytopes, plates, self._at, ups, zeros(len(ups)), margin), R, p
 
     def gaps(self, state: State, t: float) -> Array:
         """The gaps of `at`."""
@@ -88,7 +88,7 @@ class OnTerrain:
         axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
         kernel().rows(
             P, found.normals, found.which, found.ways, self._joint, self._carries, state.joint_motion(self.joints)[2], state.v,
-            found.plates, self._at, found.ups, self._alongs, found.gaps, axes, J, velocity, bias,
+            found.plates, self._at, found.ups, self._alongs, zeros(len(self.contacts)), found.gaps, axes, J, velocity, bias,
         )  # fmt: skip
         kept = np.flatnonzero(self._kept[plate].ravel()) if self._some else slice(None)
         arms = None if self.alone else P - ((R[self._joint] @ self._centres[:, :, None])[:, :, 0] + p[self._joint])[plate]

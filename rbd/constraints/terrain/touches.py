@@ -28,14 +28,21 @@ class Touches:
     __slots__ = ("gaps", "normals", "places", "plates", "ups", "ways", "which")
 
     def __init__(
-        self, pieces: Callable[[Array, Array], Polytopes], plates: Array, at: Array, ups: Array, margin: float
+        self,
+        pieces: Callable[[Array, Array], Polytopes],
+        plates: Array,
+        at: Array,
+        ups: Array,
+        radii: Array,
+        margin: float,
     ) -> None:
-        low, high = plates.min(axis=0) - margin, plates.max(axis=0) + margin
+        far = margin + float(radii.max(initial=0.0))
+        low, high = plates.min(axis=0) - far, plates.max(axis=0) + far
         arrays, most, k = pieces(low, high), _ROOM * len(ups), -1
         while k < 0:  # where many pieces are near, with more room
             places, normals, ways = np.empty((3, most, 3))
             gaps, which, most = np.empty(most), np.zeros((most, 6), int), 4 * most
-            k = kernel().touching(plates, at, ups, margin, *arrays, places, normals, gaps, which, ways)
+            k = kernel().touching(plates, at, ups, radii, margin, *arrays, places, normals, gaps, which, ways)
         self.places, self.normals, self.gaps, self.which, self.ways = (x[:k] for x in (places, normals, gaps, which, ways))
         self.plates, self.ups = plates, ups
 

@@ -42,7 +42,7 @@ ALIKE = 1e-6
 
 
 @compiled
-def _dot(a: Array, b: Array) -> float:
+def dot(a: Array, b: Array) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
@@ -62,7 +62,7 @@ def _lowest(P: Array, n: Array) -> float:
 
 
 @compiled
-def _within(x: Array, faces: Array) -> float:
+def within(x: Array, faces: Array) -> float:
     """The largest N x - d: negative inside."""
     most = -np.inf
     for f in faces:
@@ -91,8 +91,8 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
         e = P[(i + 1) % k] - P[i]
         for d in dirs:
             n = _cross(e, d)
-            size = math.sqrt(_dot(n, n))
-            if size < 1e-6 * math.sqrt(_dot(e, e)):
+            size = math.sqrt(dot(n, n))
+            if size < 1e-6 * math.sqrt(dot(e, e)):
                 continue
             n = n / size
             for sign in (1.0, -1.0):
@@ -131,7 +131,7 @@ def _clipped(x: Array, own: Array, count: int, m: Array, level: float) -> int:
     kept = 0
     for i in range(count):
         h = (i + 1) % count
-        s, t = _dot(m, x[i]) - level, _dot(m, x[h]) - level
+        s, t = dot(m, x[i]) - level, dot(m, x[h]) - level
         if s >= -SAME_M:
             y[kept], of[kept] = x[i], own[i]
             kept += 1
@@ -149,18 +149,18 @@ def _edge_of(x: Array, P: Array) -> int:
     best, found, k = np.inf, 0, len(P)
     for i in range(k):
         e, r = P[(i + 1) % k] - P[i], x - P[i]
-        t = min(max(_dot(e, r) / max(_dot(e, e), 1e-300), 0.0), 1.0)
+        t = min(max(dot(e, r) / max(dot(e, e), 1e-300), 0.0), 1.0)
         away = r - t * e
-        if _dot(away, away) < best:
-            best, found = _dot(away, away), i
+        if dot(away, away) < best:
+            best, found = dot(away, away), i
     return found
 
 
 @compiled
-def _wall(n: Array, a: Array, b: Array) -> Array:
+def wall(n: Array, a: Array, b: Array) -> Array:
     """Unit vector across an edge from a to b of a face with normal n, into the face."""
     m = _cross(n, b - a)
-    return m / math.sqrt(max(_dot(m, m), 1e-300))
+    return m / math.sqrt(max(dot(m, m), 1e-300))
 
 
 @compiled
@@ -172,10 +172,10 @@ def _over(k: int, P: Array, face: Array, loop: Array, vertices: Array, margin: f
         x[i], own[i] = P[i], i
     for j in range(edges):
         a = vertices[loop[j]]
-        m = _wall(n, a, vertices[loop[(j + 1) % edges]])
-        count = _clipped(x, own, count, m, _dot(m, a))
+        m = wall(n, a, vertices[loop[(j + 1) % edges]])
+        count = _clipped(x, own, count, m, dot(m, a))
     for i in range(count):
-        gap = _dot(n, x[i]) - face[3]
+        gap = dot(n, x[i]) - face[3]
         if gap > margin:
             continue
         if own[i] >= 0:
@@ -184,8 +184,8 @@ def _over(k: int, P: Array, face: Array, loop: Array, vertices: Array, margin: f
         one, two, way = -1, -1, n
         for j in range(edges):
             a = vertices[loop[j]]
-            m = _wall(n, a, vertices[loop[(j + 1) % edges]])
-            if abs(_dot(m, x[i]) - _dot(m, a)) < 10.0 * SAME_M:
+            m = wall(n, a, vertices[loop[(j + 1) % edges]])
+            if abs(dot(m, x[i]) - dot(m, a)) < 10.0 * SAME_M:
                 one, two, way = j, one, m
         if two >= 0:  # on two of its edges; the corner is the first of the later one, or of the first
             at = one if one - two == 1 else 0
@@ -207,19 +207,19 @@ def _under(
     out: tuple[Array, ...],
 ) -> int:
     """The part of a piece under a plate: its corners, its edges under the plate's outline; and corners of the plate over it."""
-    size, level, middle = len(P), _dot(up, P[0]), np.zeros(3)
+    size, level, middle = len(P), dot(up, P[0]), np.zeros(3)
     for p in P:
         middle = middle + p / size
     for e in range(len(edges)):
-        if max(_dot(up, faces[edges[e, 2]]), _dot(up, faces[edges[e, 3]])) < LEAN:
+        if max(dot(up, faces[edges[e, 2]]), dot(up, faces[edges[e, 3]])) < LEAN:
             continue
         a, b = vertices[edges[e, 0]], vertices[edges[e, 1]]
         low, high, first, last = 0.0, 1.0, -1, -1
         for i in range(size):
-            m = _wall(up, P[i], P[(i + 1) % size])
-            if _dot(m, middle - P[i]) < 0.0:
+            m = wall(up, P[i], P[(i + 1) % size])
+            if dot(m, middle - P[i]) < 0.0:
                 m = -m
-            s, t = _dot(m, a - P[i]), _dot(m, b - P[i])
+            s, t = dot(m, a - P[i]), dot(m, b - P[i])
             if s < -SAME_M and t < -SAME_M:
                 low = 2.0
                 break
@@ -231,14 +231,14 @@ def _under(
             continue
         for share, outline, end in ((low, first, edges[e, 0]), (high, last, edges[e, 1])):
             x = a + share * (b - a)
-            gap = level - _dot(up, x)
+            gap = level - dot(up, x)
             if gap <= margin:
                 label = (UNDER, 0, end) if outline < 0 else (CROSSING, outline, edges[e, 0] + len(vertices) * edges[e, 1])
                 k = _put(k, x + gap * up, up, gap, label, b - a, out)
     for i in range(size):  # where the line down from a corner enters the piece
         enters, leaves = -np.inf, np.inf
         for f in faces:
-            lean, s = _dot(up, f), _dot(f, P[i]) - f[3]
+            lean, s = dot(up, f), dot(f, P[i]) - f[3]
             if lean > LEAN:
                 enters = max(enters, s / lean)
             elif lean < -LEAN:
@@ -254,7 +254,7 @@ def _under(
 def _ends(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
     """Shares along a to b and along c to d of the points that are nearest to each other; an end may be both of one."""
     u, v, r = b - a, d - c, a - c
-    uu, vv, uv, ur, vr = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, r), _dot(v, r)
+    uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
     det = uu * vv - uv * uv
     s = min(max((uv * vr - vv * ur) / det, 0.0), 1.0) if det > 1e-12 * uu * vv and det > 0.0 else 0.0
     t = (uv * s + vr) / vv if vv > 0.0 else 0.0
@@ -270,21 +270,23 @@ def _nearest(
 ) -> int:
     """The nearest points of an outline and a piece's edges: apart, or crossing along a normal n with a distance `best`."""
     size, least = len(P), np.inf
-    one, other, i_at, e_at = np.zeros(3), np.zeros(3), 0, 0
+    one, other, i_at, e_at, t_at = np.zeros(3), np.zeros(3), 0, 0, 0.5
     for i in range(1 if size < 3 else size):
         a, b = P[i], P[(i + 1) % size]
         for e in range(len(edges)):
             c, d = vertices[edges[e, 0]], vertices[edges[e, 1]]
             s, t = _ends(a, b, c, d)
             p, q = a + s * (b - a), c + t * (d - c)
-            away = _dot(p - q, p - q)
+            away = dot(p - q, p - q)
             if away < least:
-                least, one, other, i_at, e_at = away, p, q, i, e
+                least, one, other, i_at, e_at, t_at = away, p, q, i, e, t
     gap, label = best, (OTHER, i_at, edges[e_at, 0] + len(vertices) * edges[e_at, 1])
     if best > SAME_M:
         gap = math.sqrt(least)
         n = (one - other) / gap
     way = vertices[edges[e_at, 1]] - vertices[edges[e_at, 0]]
+    if size == 1 and (t_at <= 0.0 or t_at >= 1.0):  # at a corner
+        way = np.zeros(3)
     return _put(k, one, n, gap, label, way, out) if gap <= margin else k
 
 
@@ -294,7 +296,7 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
     faces, vertices, edges, loops, starts, dirs = piece
     n, size = np.empty(3), len(P)
     best, carrier = _parted(P, up, faces, vertices, dirs, n)
-    if best > margin or (size > 2 and _dot(n, up) < UPPER):
+    if best > margin or (size > 2 and dot(n, up) < UPPER):
         return k
     before, how = k, ON_FACE
     if carrier >= 0:
@@ -305,7 +307,7 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
     if k == before and len(edges):
         how = EDGES
         k = _nearest(k, P, vertices, edges, best, n, margin, out)
-        if k > before and size > 2 and _dot(out[1][k - 1], up) < UPPER:
+        if k > before and size > 2 and dot(out[1][k - 1], up) < UPPER:
             k = before
     for m in range(before, k):
         out[3][m, 4] = how
@@ -316,6 +318,7 @@ def _touching(
     plates: Array,
     at: Array,
     ups: Array,
+    radii: Array,
     margin: float,
     boxes: Array,
     faces: Array,
@@ -337,6 +340,7 @@ def _touching(
         plates: Corners of all plates, shape (k, 3) [m].
         at: Where those of each begin, and k, shape (plates + 1,).
         ups: Out of the ground, shape (plates, 3).
+        radii: Of a ball about a single corner [m], shape (plates,); zero of others.
         margin: [m].
         boxes: Lowest and highest x, y, z of each piece, shape (pieces, 6).
         faces: (N, d) of all pieces, shape (f, 4).
@@ -355,11 +359,12 @@ def _touching(
     k, out = 0, (places, normals, gaps, which, ways)
     low, high = np.empty(3), np.empty(3)
     for plate in range(len(ups)):
-        P, up, begin = plates[at[plate] : at[plate + 1]], ups[plate], k
+        P, up, begin, radius = plates[at[plate] : at[plate + 1]], ups[plate], k, radii[plate]
+        far = margin + radius
         for c in range(3):
             low[c], high[c] = np.inf, -np.inf
             for p in P:
-                low[c], high[c] = min(low[c], p[c] - margin), max(high[c], p[c] + margin)
+                low[c], high[c] = min(low[c], p[c] - far), max(high[c], p[c] + far)
         for i in range(len(boxes)):
             box = boxes[i]
             if (
@@ -371,17 +376,21 @@ def _touching(
             f_end, v_end, e_end, d_end = begins[i + 1]
             piece = (faces[f:f_end], vertices[v:v_end], edges[e:e_end], loops, loop_at[f : f_end + 1], dirs[d:d_end])
             which[k, 3], which[k, 4] = i, k
-            k = _on_piece(k, P, up, piece, margin, out)
+            k = _on_piece(k, P, up, piece, far, out)
             if k + 1 >= len(gaps):
                 return -1
-        k = _joined(begin, k, up, len(P), faces, begins, out)
+        if radius > 0.0:
+            for m in range(begin, k):
+                gaps[m] -= radius
+                places[m] -= radius * normals[m]
+        k = joined(begin, k, len(P), faces, begins, out)
         for m in range(begin, k):
             which[m, 5] = plate
     return k
 
 
 @compiled
-def _joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, out: tuple[Array, ...]) -> int:
+def joined(begin: int, end: int, size: int, faces: Array, begins: Array, out: tuple[Array, ...]) -> int:
     """Drops points of one plate that are inside the surface that its pieces have together; their number.
 
     A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there.
@@ -401,7 +410,7 @@ def _joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Ar
             a, turned = which[h, 3], normals[h] - normals[m]
             if a == b:
                 continue
-            alike = _dot(turned, turned) < ALIKE * ALIKE
+            alike = dot(turned, turned) < ALIKE * ALIKE
             others = faces[begins[a, 0] : begins[a + 1, 0]]
             if alike and which[m, 0] == CORNER:  # one corner over two pieces that meet, or one above the other: the higher one
                 for c in range(h, firsts[i + 1]):
@@ -410,13 +419,13 @@ def _joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Ar
                         dropped[m - begin] |= level < -SAME_M or (level < SAME_M and c < m)
             if dropped[m - begin]:
                 break
-            if _within(x, others) > SEAM_M:
+            if within(x, others) > SEAM_M:
                 continue
             out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]
-            if _within(out_of_b, others) <= SEAM_M and _within(out_of_b + out_of_a, others) <= SEAM_M:
+            if within(out_of_b, others) <= SEAM_M and within(out_of_b + out_of_a, others) <= SEAM_M:
                 dropped[m - begin] = True  # A goes on where B ends
             elif not alike:
-                dropped[m - begin] = _within(x + out_of_a, own) > SEAM_M
+                dropped[m - begin] = within(x + out_of_a, own) > SEAM_M
             elif which[m, 0] != CORNER:
                 flat = size > 2 and _is_face(normals[m], own) and _is_face(normals[m], others)
                 dropped[m - begin] = flat or _is_there(places[m], h, min(m, firsts[i + 1]), begin, places, dropped)
@@ -437,7 +446,7 @@ def _is_there(x: Array, first: int, last: int, begin: int, places: Array, droppe
     """Whether a point from `first` to `last` that is kept is at x."""
     for c in range(first, last):
         r = places[c] - x
-        if not dropped[c - begin] and _dot(r, r) < SEAM_M * SEAM_M:
+        if not dropped[c - begin] and dot(r, r) < SEAM_M * SEAM_M:
             return True
     return False
 
@@ -453,7 +462,7 @@ def _is_face(n: Array, faces: Array) -> bool:
 touching = compiled(
     _touching,
     signature(
-        COUNT, array(2), array(1, COUNT), array(2), NUMBER, array(2), array(2), array(2), array(2, COUNT), array(1, COUNT),
+        COUNT, array(2), array(1, COUNT), array(2), array(1), NUMBER, array(2), array(2), array(2), array(2, COUNT), array(1, COUNT),
         array(1, COUNT), array(2), array(2, COUNT), array(2, written=True), array(2, written=True), array(1, written=True),
         array(2, COUNT, written=True), array(2, written=True),
     ),
@@ -463,14 +472,14 @@ touching = compiled(
 @compiled
 def _axes(n: Array, dn: Array, x: Array, R: Array, dR: Array) -> None:
     """Contact axes of a normal and a direction, as `rbd.constraints.surface.contact_axes`, and their rates for one of n, dn."""
-    t = x - _dot(x, n) * n
-    if _dot(t, t) < 0.01:
+    t = x - dot(x, n) * n
+    if dot(t, t) < 0.01:
         x = np.zeros(3)
         x[0 if abs(n[0]) < NEAR_X else 1] = 1.0
-    t = x - _dot(x, n) * n
-    size = math.sqrt(_dot(t, t))
-    t, dt = t / size, (-_dot(x, dn) * n - _dot(x, n) * dn) / size
-    dt = dt - _dot(t, dt) * t
+    t = x - dot(x, n) * n
+    size = math.sqrt(dot(t, t))
+    t, dt = t / size, (-dot(x, dn) * n - dot(x, n) * dn) / size
+    dt = dt - dot(t, dt) * t
     R[:, 0], R[:, 1], R[:, 2] = t, _cross(n, t), n
     dR[:, 0], dR[:, 1], dR[:, 2] = dt, _cross(dn, t) + _cross(n, dt), dn
 
@@ -488,6 +497,7 @@ def _rows(
     at: Array,
     ups: Array,
     alongs: Array,
+    radii: Array,
     gaps: Array,
     axes: Array,
     J: Array,
@@ -516,6 +526,7 @@ def _rows(
         at: Where those of each begin.
         ups: Shape (plates, 3).
         alongs: A direction in W for the first tangent of each plate, shape (plates, 3).
+        radii: Of balls about single corners, shape (plates,).
         gaps: Of the points, shape (k,).
         axes: Written: R_WC, shape (k, 3, 3).
         J: Written: shape (3 k, nv).
@@ -539,22 +550,28 @@ def _rows(
         e = plates[first + (i + 1) % size] - plates[first + i]
         if which[k, 4] == ON_PLATE:
             dn = _cross(w, n)
+        elif size == 1:
+            v_C = v_P + radii[plate] * _cross(w, n)  # of the ball's centre, or of the point
+            if kind == OTHER:
+                dn = v_C - dot(v_C, n) * n - (dot(v_C, way) / max(dot(way, way), 1e-300)) * way
+                dn = dn / max(gaps[k] + radii[plate], 1e-9)
+            u = v_C - radii[plate] * dn - v_P
         if kind == UNDER:
             up = ups[plate]
-            u = (_dot(up, v_P) / _dot(up, n)) * n + gaps[k] * dn - v_P
+            u = (dot(up, v_P) / dot(up, n)) * n + gaps[k] * dn - v_P
         elif kind == CROSSING and which[k, 4] == ON_PLATE:
             m = _cross(n, e)
-            rate = _dot(m, v_P - gaps[k] * dn) / _dot(m, way)
-            u = rate * way + (_dot(n, v_P) - rate * _dot(n, way)) * n + gaps[k] * dn - v_P
+            rate = dot(m, v_P - gaps[k] * dn) / dot(m, way)
+            u = rate * way + (dot(n, v_P) - rate * dot(n, way)) * n + gaps[k] * dn - v_P
         elif kind == CROSSING:
-            u = (-_dot(way, v_P) / _dot(way, e)) * e
-        elif kind == OTHER:
+            u = (-dot(way, v_P) / dot(way, e)) * e
+        elif kind == OTHER and size > 1:
             both = _cross(e, way)
-            sine = _dot(both, n)
-            if sine * sine > 1e-6 * _dot(e, e) * _dot(way, way):
-                u = (-_dot(_cross(v_P, way), n) / sine) * e
+            sine = dot(both, n)
+            if sine * sine > 1e-6 * dot(e, e) * dot(way, way):
+                u = (-dot(_cross(v_P, way), n) / sine) * e
                 dn = _cross(_cross(w, e), way) / sine
-                dn = dn - _dot(dn, n) * n
+                dn = dn - dot(dn, n) * n
         a = a + _cross(w, u)
         _axes(n, dn, alongs[plate], axes[k], turning)
         for c in range(3):
@@ -567,14 +584,14 @@ def _rows(
                         d[0] * J_W[0, x] + d[1] * J_W[1, x] + d[2] * J_W[2, x]
                         + turn[0] * J_W[3, x] + turn[1] * J_W[4, x] + turn[2] * J_W[5, x]
                     )  # fmt: skip
-            velocity[row], bias[row] = _dot(d, v_P), _dot(d, a) + _dot(turning[:, c], v_P)
+            velocity[row], bias[row] = dot(d, v_P), dot(d, a) + dot(turning[:, c], v_P)
 
 
 rows = compiled(
     _rows,
     signature(
         None, array(2), array(2), array(2, COUNT), array(2), array(1, COUNT), array(2), array(2), array(1), array(2),
-        array(1, COUNT), array(2), array(2), array(1), array(3, written=True), array(2, written=True),
+        array(1, COUNT), array(2), array(2), array(1), array(1), array(3, written=True), array(2, written=True),
         array(1, written=True), array(1, written=True),
     ),
 )  # fmt: skip

@@ -1,0 +1,172 @@
+"""Collision shapes of a robot on terrain: balls, corners of hulls over faces, and pairs that touch across edges."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from copy import copy
+from functools import cache
+from types import ModuleType
+
+import numpy as np
+
+from rbd.arrays import Array, zeros
+from rbd.constraints.contact_kinematics import Between, Touching
+from rbd.constraints.convex.closest_points import meeting_at, nearest_points
+from rbd.constraints.convex.convex_shapes import ConvexShape, polyhedron
+from rbd.constraints.terrain.pieces import Piece
+from rbd.constraints.terrain.terrain import Terrain
+from rbd.constraints.terrain.touches import Touches, kernel
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+
+NEAR_M = 0.01
+"""A hull this near to an edge of a piece is a pair for Coal's distance."""
+_ROOM = 256
+"""Points and pairs for which there is room at first."""
+
+
+class OnPieces:
+    """Contact points of shapes with terrain. Not for two threads at once.
+
+    Corners of a hull over a face keep their numbers from one face to the next; so do balls.
+
+    Args:
+        robot: The robot.
+        shapes: Those that can touch.
+        terrain: What they touch.
+    """
+
+    def __init__(self, robot: CheckedModel, shapes: Sequence[ConvexShape], terrain: Terrain) -> None:
+        self.robot, self.shapes, self.terrain = robot, tuple(shapes), terrain
+        self.joints = sorted({shape.joint for shape in shapes})
+        of = np.array([self.joints.index(shape.joint) for shape in shapes])
+        self._carries = np.array([robot.joints.carrying(joint) for joint in self.joints])
+        balls = [(i, j) for i, shape in enumerate(shapes) for j, part in enumerate(shape.rounds) if part.is_ball]
+        self._ball_shape = np.array([i for i, _ in balls], int)
+        self._ball_names = [f"{shapes[i].name}:{len(shapes[i].vertices) + j}" for i, j in balls]
+        parts = [shapes[i].rounds[j] for i, j in balls]
+        self._balls, self._radii = np.array([b.centre for b in parts]).reshape(-1, 3), np.array([b.reach for b in parts])
+        hulls = [i for i, shape in enumerate(shapes) if len(shape.vertices) or not all(part.is_ball for part in shape.rounds)]
+        self._hulls = [shapes[i] for i in hulls]
+        self._body, self._ball_body = of[hulls].astype(int), of[self._ball_shape].astype(int)
+        corners = [shape.vertices for shape in self._hulls]
+        self._points = np.ascontiguousarray(np.concatenate([np.zeros((0, 3)), *corners]).T)
+        self._at = np.concatenate([[0], np.cumsum([len(x) for x in corners])]).astype(int)
+        self._bounds = (
+            np.array([s.centre for s in self._hulls]).reshape(-1, 3), np.array([s.reach for s in self._hulls]),
+            np.array([not all(part.is_ball for part in s.rounds) for s in self._hulls], bool),
+        )  # fmt: skip
+        self._prepare()
+
+    def _prepare(self) -> None:
+        self._numbers: dict[tuple[object, ...], int] = {}
+        self._between = Between(self.robot, (), 0)
+        self._solids: dict[int, ConvexShape] = {}
+
+    def another(self) -> OnPieces:
+        """The same with caches of its own."""
+        out = copy(self)
+        out._prepare()
+        return out
+
+    def label(self, number: int) -> str:
+        """The name of a point."""
+        key = list(self._numbers)[number]
+        return str(key[0]) if len(key) < 3 or not key[2] else f"{key[0]} ({key[2]})"
+
+    def at(self, state: State, margin: float) -> list[Touching]:
+        """The points within a margin [m]."""
+        R, p = state.joint_places(self.joints)
+        parts = []
+        if len(self._radii):
+            centres = (R[self._ball_body] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_body]
+            at, ups = np.arange(len(centres) + 1), np.tile([0.0, 0.0, 1.0], (len(centres), 1))
+            found = Touches(self.terrain.polytopes, centres, at, ups, self._radii, margin)
+            parts += self._rows(state, found, self._ball_body, self._radii, self._ball_names, centres)
+        if self._hulls:
+            found, pairs = self._corners(R, p, margin)
+            names = [shape.name for shape in self._hulls]
+            parts += self._rows(state, found, self._body, zeros(len(names)), names, None)
+            parts += self._crossing(state, R, p, pairs, margin)
+        return parts
+
+    def _corners(self, R: Array, p: Array, margin: float) -> tuple[Touches, Array]:
+        centres, reach, rims = self._bounds
+        places = (R[self._body] @ centres[:, :, None])[:, :, 0] + p[self._body]
+        far = float(reach.max()) + margin
+        arrays, most, k = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far), _ROOM, -1
+        out = object.__new__(Touches)
+        while k < 0:
+            spots, normals, ways = np.empty((3, most, 3))
+            gaps, which, pairs = np.empty(most), np.zeros((most, 6), int), np.empty((most, 2), int)
+            k, n = _hull_kernel().hulls(
+                np.ascontiguousarray(R), np.ascontiguousarray(p), self._body, centres, reach, rims, self._points, self._at, margin,
+                NEAR_M, *arrays, spots, normals, gaps, which, ways, pairs,
+            )  # fmt: skip
+            most *= 4
+        out.places, out.normals, out.gaps, out.which, out.ways = (x[:k] for x in (spots, normals, gaps, which, ways))
+        return out, pairs[:n]
+
+    def _rows(
+        self, state: State, found: Touches, body: Array, radii: Array, names: Sequence[str], centres: Array | None
+    ) -> list[Touching]:
+        """The rows of points on pieces, if there are any."""
+        k, nv, plates = len(found.gaps), len(state.v), len(body)
+        if not k:
+            return []
+        axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
+        still = np.zeros((plates, 3)) if centres is None else centres
+        kernel().rows(
+            found.places, found.normals, found.which, found.ways, body, self._carries, state.joint_motion(self.joints)[2], state.v,
+            still, np.arange(plates + 1), still, np.tile([1.0, 0.0, 0.0], (plates, 1)), radii, found.gaps, axes, J, velocity, bias,
+        )  # fmt: skip
+        seen, numbers = set[tuple[object, ...]](), np.empty(k, int)
+        for m, (kind, i, _, piece, _, plate) in enumerate(found.which.tolist()):
+            name = names[plate] if centres is not None else f"{names[plate]}:{i}"
+            key: tuple[object, ...] = (name, "")
+            if key in seen:
+                key = (name, kind, self.terrain.pieces[piece].name)
+            seen.add(key)
+            numbers[m] = self._number(key)
+        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
+
+    def _crossing(self, state: State, R: Array, p: Array, pairs: Array, margin: float) -> list[Touching]:
+        """The points of pairs that may touch across an edge."""
+        import pinocchio as pin
+
+        from rbd.constraints.contact_kinematics import _pair
+
+        out, times = [], Counter[str]()
+        for s, piece in pairs.tolist():
+            shape, solid = self._hulls[s], self._solid(piece)
+            b = int(self._body[s])
+            X, still = pin.SE3(R[b], p[b]), pin.SE3.Identity()
+            near = nearest_points(shape, X, solid, still)
+            if near.gap > margin:
+                continue
+            met = meeting_at(near, shape, X, solid, still, margin)
+            numbers = []
+            for at in met.crossings:
+                numbers.append(self._number((at.name, "edge", times[at.name])))
+                times[at.name] += 1
+            motions = self._between._motion(state, shape.joint), self._between._motion(state, 0)
+            out.append(_pair(met, (shape, solid), motions, np.array(numbers), self.label))
+        return out
+
+    def _solid(self, piece: int) -> ConvexShape:
+        known = self._solids.get(piece)
+        if known is None:
+            found: Piece = self.terrain.pieces[piece]
+            known = self._solids[piece] = polyhedron(found.name, found.vertices)
+        return known
+
+    def _number(self, key: tuple[object, ...]) -> int:
+        return self._numbers.setdefault(key, len(self._numbers))
+
+
+@cache
+def _hull_kernel() -> ModuleType:
+    from rbd.constraints.terrain import hull_kernel
+
+    return hull_kernel
