@@ -155,9 +155,9 @@ class Between:
             met = meeting_at(near, one, X[one.joint], other, X[other.joint], margin)
             for joint in (one.joint, other.joint):
                 if joint not in motions:
-                    motions[joint] = self._motion(state, joint)
+                    motions[joint] = self.motion(state, joint)
             numbers = np.array([self._number(at.name, times) for at in met.crossings])
-            found.append(_pair(met, (one, other), (motions[one.joint], motions[other.joint]), numbers, self.label))
+            found.append(points_of_pair(met, (one, other), (motions[one.joint], motions[other.joint]), numbers, self.label))
         return found
 
     def _asked(self, R: Array, p: Array, centres: Array, near: Array, margin: float) -> list[int]:
@@ -176,7 +176,7 @@ class Between:
         """The name of a point."""
         return list(self._known)[number - self.first_number][0]
 
-    def _motion(self, state: State, joint: int) -> FrameKinematics:
+    def motion(self, state: State, joint: int) -> FrameKinematics:
         """The motion of a joint's body; the world for joint 0."""
         if joint == 0:
             return FrameKinematics(pin.SE3.Identity(), np.zeros((6, len(state.v))), np.zeros(6), np.zeros(6))
@@ -189,7 +189,7 @@ class Between:
         return self._known.setdefault(key, self.first_number + len(self._known))
 
 
-def _pair(
+def points_of_pair(
     met: Meeting,
     shapes: tuple[ConvexShape, ConvexShape],
     bodies: tuple[FrameKinematics, FrameKinematics],

@@ -403,7 +403,8 @@ class ContactWatch:
 
 def _rests(label: str, part: tuple[int, ...] | None) -> bool:
     """Whether a point on terrain is under a contact, or a part of it."""
-    return "beside" not in label if part is None else label in {f"corner {i}" for i in part}
+    kind, number, *_ = label.split()
+    return "beside" not in label and (part is None or (kind == "corner" and int(number) in part))
 
 
 def _met(touch: ContactTouch) -> list[int]:

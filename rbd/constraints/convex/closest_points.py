@@ -179,18 +179,21 @@ def _squared(
 ) -> tuple[Array, int, float]:
     """(normal, carrier, gap) with a face's normal where one separates the shapes as far."""
 
-    def parted(along: Array) -> float:
-        return _Placed(first, X_1, along, 1.0).extreme() - _Placed(second, X_2, along, -1.0).extreme()
+    def parted(along: Array) -> Array:
+        """Of several normals, shape (k, 3)."""
+        low, high = first.extremes(along @ X_1.rotation), second.extremes(-along @ X_2.rotation)
+        return low + high + along @ (X_1.translation - X_2.translation)
 
-    best, carrier, most = n, 0, parted(n)
+    best, carrier, most = n, 0, float(parted(n[None])[0])
     for number, shape, X, sign in ((2, second, X_2, 1.0), (1, first, X_1, -1.0)):
-        if not len(shape.faces):
-            continue
         N = sign * (shape.faces[:, :3] @ X.rotation.T)
-        for along in N if gap < -IN_TOUCH_M else N[N @ n >= NEARLY_ACROSS]:
-            far = parted(along)
-            if far > (most + SAME_M if carrier else most - SAME_M):
-                best, carrier, most = along, number, far
+        if gap >= -IN_TOUCH_M:
+            N = N[N @ n >= NEARLY_ACROSS]
+        if len(N):
+            apart = parted(N)
+            i = int(np.argmax(apart))
+            if apart[i] > (most + SAME_M if carrier else most - SAME_M):
+                best, carrier, most = N[i], number, float(apart[i])
     return best, carrier, most if carrier else gap
 
 

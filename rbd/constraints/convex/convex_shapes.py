@@ -99,6 +99,12 @@ class ConvexShape:
         rounds = np.array([r.lowest(up) @ up for r in self.rounds])
         return float(np.fmin.reduce(rounds, initial=(self.vertices @ up).min(initial=np.inf)))
 
+    def extremes(self, ups: Array) -> Array:
+        """`lowest` along several directions, shape (k, 3) [m]."""
+        if self.rounds:
+            return np.array([self.lowest(up) for up in ups])
+        return np.asarray((self.vertices @ ups.T).min(axis=0))
+
     def wander(self, number: int, up: Array, rate: Array) -> Array:
         """How fast a point moves over the body while `up` changes at `rate` [1/s]: zero for a vertex, shape (3,) [m/s]."""
         i = number - len(self.vertices)

@@ -147,7 +147,7 @@ def _hulls(
                     if k + 1 >= len(gaps):
                         return -1, found
                     places[k], normals[k], gaps[k], ways[k] = x, n, above[i], n
-                    which[k, 0], which[k, 1], which[k, 2] = CORNER, i - at[s], 0
+                    which[k, 0], which[k, 1], which[k, 2] = CORNER, i - at[s], f - begins[piece, 0]
                     which[k, 3], which[k, 4], which[k, 5] = piece, ON_FACE, s
                     k += 1
                 elif above[i] <= near and not over:

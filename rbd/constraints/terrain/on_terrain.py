@@ -9,13 +9,15 @@ import numpy as np
 
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
-from rbd.constraints.terrain.touches import Touches, kernel
+from rbd.constraints.terrain.touches import Touches, motion_kernel
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative
 
+BESIDE = 0.5
+"""A point whose normal has less than this along a sole's is beside it, as at a riser."""
 UP = np.array([0.0, 0.0, 1.0])
-_KINDS = ("corner {} beside", "outline {} over", "under it,", "outline {} nearest to")
-_KEY = [0, 1, 2, 3, 5]
+_KINDS = ("corner {} on", "outline {} over", "under it,", "outline {} nearest to")
+_BESIDE = ("corner {} beside", "outline {} beside", "beside", "outline {} beside")
 _MOST_STRUCTURES = 1000
 """Number of cached sets of points; a sole that slides over many pieces can have a new one at every step."""
 
@@ -58,6 +60,8 @@ class OnTerrain:
         self._some = not self._kept.all()
         self._most = max(len(c.corners) for c in contacts)
         self._numbers: dict[tuple[int, ...], int] = {}
+        self._labels: dict[tuple[int, ...], str] = {}
+        self._first: dict[tuple[int, int], int] = {}  # the plane in which each corner was seen first
         self._seen: dict[bytes, Structure] = {}
 
     @classmethod
@@ -86,14 +90,14 @@ class OnTerrain:
         found, R, p = self.touches(state)
         nv, k, plate, P = len(state.v), len(found.gaps), found.which[:, 5], found.places
         axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
-        kernel().rows(
+        motion_kernel().rows(
             P, found.normals, found.which, found.ways, self._joint, self._carries, state.joint_motion(self.joints)[2], state.v,
             found.plates, self._at, found.ups, self._alongs, zeros(len(self.contacts)), found.gaps, axes, J, velocity, bias,
         )  # fmt: skip
         kept = np.flatnonzero(self._kept[plate].ravel()) if self._some else slice(None)
         arms = None if self.alone else P - ((R[self._joint] @ self._centres[:, :, None])[:, :, 0] + p[self._joint])[plate]
         return Measured(
-            self._structure(found.which), J[kept], velocity[kept], bias[kept], found.gaps, zeros(3 * k)[kept],
+            self._structure(found), J[kept], velocity[kept], bias[kept], found.gaps, zeros(3 * k)[kept],
             None, arms, P, axes,
         )  # fmt: skip
 
@@ -101,20 +105,24 @@ class OnTerrain:
         """What a point is, by its number in this motion."""
         if number < self._most:
             return f"corner {number}"
-        _, kind, i, _, piece = list(self._numbers)[number - self._most]
-        return f"{_KINDS[kind].format(i)} {self.terrain.pieces[piece].name}"
+        return list(self._labels.values())[number - self._most]
 
-    def _structure(self, which: Array) -> Structure:
-        """The same object for the same points: corners have their own numbers, on whichever piece they are."""
-        key = which[:, _KEY].tobytes()
+    def _structure(self, found: Touches) -> Structure:
+        """The same object for the same points: corners keep their numbers from one piece to the next in its plane."""
+        key = found.which.tobytes()
         known = self._seen.get(key)
         if known is None:
             numbers, owners = list[int](), list[int]()
-            for kind, i, j, piece, _, plate in which.tolist():
-                first = kind == 0 and (plate, i) not in zip(owners, numbers, strict=True)
-                numbers.append(
-                    i if first else self._most + self._numbers.setdefault((plate, kind, i, j, piece), len(self._numbers))
-                )
+            steep = self._flat[found.which[:, 5]] & (np.vecdot(found.normals, found.ups[found.which[:, 5]]) < BESIDE)
+            for (kind, i, j, piece, _, plate), beside in zip(found.which.tolist(), steep.tolist(), strict=True):
+                at = self.terrain.plane(piece, j) if kind == 0 else piece
+                if kind == 0 and not beside and self._first.setdefault((plate, i), at) == at:
+                    numbers.append(i)
+                else:
+                    what = (plate, kind, i, 0 if kind == 0 else j, at)
+                    name = (_BESIDE if beside else _KINDS)[kind].format(i)
+                    self._labels.setdefault(what, f"{name} {self.terrain.pieces[piece].name}")
+                    numbers.append(self._most + self._numbers.setdefault(what, len(self._numbers)))
                 owners.append(plate)
             names, cones = tuple(self._names[o] for o in owners), tuple(self._cones[o] for o in owners)
             if len(self._seen) >= _MOST_STRUCTURES:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -254,7 +255,7 @@ class Polytopes(NamedTuple):
     begins: Array
 
     @classmethod
-    def of(cls, pieces: list[Piece]) -> Polytopes:
+    def of(cls, pieces: Sequence[Piece]) -> Polytopes:
         """The arrays of some pieces."""
         directions = [piece.directions for piece in pieces]
         loops = [loop for piece in pieces for loop in piece.loops]

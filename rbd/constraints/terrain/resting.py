@@ -12,14 +12,12 @@ import pinocchio as pin
 
 from rbd.arrays import Array, locked
 from rbd.constraints.surface import Counterpart, anchor_of, cone_of, contact_axes
-from rbd.constraints.terrain.on_terrain import OnTerrain
+from rbd.constraints.terrain.on_terrain import BESIDE, OnTerrain
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import TOUCHES, Ground
 
-RESTS = 0.5
-"""A point whose normal has less than this along a sole's is beside it, not under it."""
 SAME_NORMAL = 1e-6
 """Normals that differ by less than this are of one plane."""
 _MOST = 256
@@ -45,7 +43,7 @@ def resting_on(contact: Any, state: State) -> Any:
     X_WP = pin.SE3(R[0], p[0]) * source.placements[0]
     k = len(contact.corners)
     up = X_WP.rotation[:, 2] if k > 2 else np.array([0.0, 0.0, 1.0])
-    under = np.flatnonzero(found.normals @ up > RESTS)
+    under = np.flatnonzero(found.normals @ up > BESIDE)
     if not len(under):
         below = contact.on.ground_at(*X_WP.translation[:2].tolist())
         return _on_plane(contact, tuple(np.asarray(below.normal).tolist()), float(below.height), contact.corners.tobytes(), k)

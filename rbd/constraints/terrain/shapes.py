@@ -9,14 +9,15 @@ from functools import cache
 from types import ModuleType
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.arrays import Array, zeros
-from rbd.constraints.contact_kinematics import Between, Touching
+from rbd.constraints.contact_kinematics import Between, Touching, points_of_pair
 from rbd.constraints.convex.closest_points import meeting_at, nearest_points
 from rbd.constraints.convex.convex_shapes import ConvexShape, polyhedron
 from rbd.constraints.terrain.pieces import Piece
 from rbd.constraints.terrain.terrain import Terrain
-from rbd.constraints.terrain.touches import Touches, kernel
+from rbd.constraints.terrain.touches import Touches, motion_kernel
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -61,6 +62,7 @@ class OnPieces:
 
     def _prepare(self) -> None:
         self._numbers: dict[tuple[object, ...], int] = {}
+        self._faces: dict[tuple[str, int], int] = {}
         self._between = Between(self.robot, (), 0)
         self._solids: dict[int, ConvexShape] = {}
 
@@ -72,8 +74,7 @@ class OnPieces:
 
     def label(self, number: int) -> str:
         """The name of a point."""
-        key = list(self._numbers)[number]
-        return str(key[0]) if len(key) < 3 or not key[2] else f"{key[0]} ({key[2]})"
+        return str(list(self._numbers)[number][0])
 
     def at(self, state: State, margin: float) -> list[Touching]:
         """The points within a margin [m]."""
@@ -101,8 +102,8 @@ class OnPieces:
             spots, normals, ways = np.empty((3, most, 3))
             gaps, which, pairs = np.empty(most), np.zeros((most, 6), int), np.empty((most, 2), int)
             k, n = _hull_kernel().hulls(
-                np.ascontiguousarray(R), np.ascontiguousarray(p), self._body, centres, reach, rims, self._points, self._at, margin,
-                NEAR_M, *arrays, spots, normals, gaps, which, ways, pairs,
+                np.ascontiguousarray(R), np.ascontiguousarray(p), self._body, centres, reach, rims, self._points, self._at,
+                margin, NEAR_M, *arrays, spots, normals, gaps, which, ways, pairs,
             )  # fmt: skip
             most *= 4
         out.places, out.normals, out.gaps, out.which, out.ways = (x[:k] for x in (spots, normals, gaps, which, ways))
@@ -117,26 +118,22 @@ class OnPieces:
             return []
         axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
         still = np.zeros((plates, 3)) if centres is None else centres
-        kernel().rows(
-            found.places, found.normals, found.which, found.ways, body, self._carries, state.joint_motion(self.joints)[2], state.v,
-            still, np.arange(plates + 1), still, np.tile([1.0, 0.0, 0.0], (plates, 1)), radii, found.gaps, axes, J, velocity, bias,
+        motion_kernel().rows(
+            found.places, found.normals, found.which, found.ways, body, self._carries, state.joint_motion(self.joints)[2],
+            state.v, still, np.arange(plates + 1), still, np.tile([1.0, 0.0, 0.0], (plates, 1)), radii, found.gaps,
+            axes, J, velocity, bias,
         )  # fmt: skip
-        seen, numbers = set[tuple[object, ...]](), np.empty(k, int)
-        for m, (kind, i, _, piece, _, plate) in enumerate(found.which.tolist()):
+        numbers = np.empty(k, int)
+        for m, (kind, i, j, piece, _, plate) in enumerate(found.which.tolist()):
             name = names[plate] if centres is not None else f"{names[plate]}:{i}"
-            key: tuple[object, ...] = (name, "")
-            if key in seen:
-                key = (name, kind, self.terrain.pieces[piece].name)
-            seen.add(key)
-            numbers[m] = self._number(key)
+            # A ball on an edge is the point that it was on the face before.
+            at = self.terrain.plane(piece, j) if kind == 0 else self._faces.get((name, piece), self.terrain.plane(piece, -1))
+            self._faces[name, piece] = at
+            numbers[m] = self._number((name, at))
         return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
 
     def _crossing(self, state: State, R: Array, p: Array, pairs: Array, margin: float) -> list[Touching]:
         """The points of pairs that may touch across an edge."""
-        import pinocchio as pin
-
-        from rbd.constraints.contact_kinematics import _pair
-
         out, times = [], Counter[str]()
         for s, piece in pairs.tolist():
             shape, solid = self._hulls[s], self._solid(piece)
@@ -150,8 +147,8 @@ class OnPieces:
             for at in met.crossings:
                 numbers.append(self._number((at.name, "edge", times[at.name])))
                 times[at.name] += 1
-            motions = self._between._motion(state, shape.joint), self._between._motion(state, 0)
-            out.append(_pair(met, (shape, solid), motions, np.array(numbers), self.label))
+            motions = self._between.motion(state, shape.joint), self._between.motion(state, 0)
+            out.append(points_of_pair(met, (shape, solid), motions, np.array(numbers), self.label))
         return out
 
     def _solid(self, piece: int) -> ConvexShape:

@@ -60,6 +60,7 @@ class Terrain(Displayed):
         self._pieces = [piece for piece in self.solids if isinstance(piece, Piece)]
         self._known: set[tuple[int, int, int]] = set()
         self._arrays: Polytopes | None = None
+        self._planes: dict[tuple[int, ...], int] = {}
         self.names = tuple(str(name) for name in pieces)
 
     @classmethod
@@ -188,6 +189,13 @@ class Terrain(Displayed):
         if self._arrays is None:
             self._arrays = Polytopes.of(self._pieces)
         return self._arrays
+
+    def plane(self, piece: int, face: int) -> int:
+        """A number that faces of all pieces in one plane share; that of a piece's own for no face, -1."""
+        key = (piece,)
+        if face >= 0:
+            key = tuple(np.round(self._pieces[piece].faces[face] * 1e7).astype(int).tolist())
+        return self._planes.setdefault(key, len(self._planes))
 
     def heights_of(self, points: Array) -> Array:
         """How far points are above the surface under them, along z, shape (...) [m]; inf where there is none.

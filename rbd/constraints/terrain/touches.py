@@ -53,3 +53,11 @@ def kernel() -> ModuleType:
     from rbd.constraints.terrain import touching_kernel
 
     return touching_kernel
+
+
+@cache
+def motion_kernel() -> ModuleType:
+    """The compiled functions of the points' motion."""
+    from rbd.constraints.terrain import motion_kernel as compiled_functions
+
+    return compiled_functions

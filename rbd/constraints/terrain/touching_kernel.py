@@ -24,30 +24,30 @@ from rbd.constraints.convex.polygons import SAME_M
 from rbd.kernels import COUNT, NUMBER, array, compiled, signature
 
 CORNER, CROSSING, UNDER, OTHER = 0, 1, 2, 3
-"""Kinds of points: a corner of the plate; its outline over an edge; a corner of the piece under it; the nearest pair."""
+"""Kinds of points: a corner of the plate; its outline over an edge; a corner of the piece under it; the nearest pair.
+
+The numbers of a point are those of the corner or edge of the plate, and of the face, edge or corner of the piece."""
 ON_FACE, ON_PLATE, EDGES = 0, 1, 2
 """Whose the normal is: a face's, the plate's, or that of two edges, which cross or are the nearest pair."""
-BESIDE = 0.5
-"""A corner whose normal has less than this along `up` touches with its side, as the wall of a step."""
 UPPER = -0.2
 """A normal with less than this along `up` is against the plate's upper side, which touches nothing."""
 LEAN = 1e-3
 """Faces with less than this along `up` are not under the plate."""
 SEAM_M, LIFT_M = 1e-6, 4e-6
 """Pieces that meet within the first length are joined; a step from one to the next that is lower than the second is none."""
-NEAR_X = 0.9
-"""A normal with more than this along x has its tangents from y."""
 ALIKE = 1e-6
 """Normals that differ by less are the same."""
 
 
 @compiled
 def dot(a: Array, b: Array) -> float:
+    """The product of two vectors, of three components each."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @compiled
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
+    """The vector product."""
     out = np.empty(3)
     out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     return out
@@ -90,7 +90,7 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
     for i in range(1 if k == 2 else k):
         e = P[(i + 1) % k] - P[i]
         for d in dirs:
-            n = _cross(e, d)
+            n = cross(e, d)
             size = math.sqrt(dot(n, n))
             if size < 1e-6 * math.sqrt(dot(e, e)):
                 continue
@@ -159,12 +159,14 @@ def _edge_of(x: Array, P: Array) -> int:
 @compiled
 def wall(n: Array, a: Array, b: Array) -> Array:
     """Unit vector across an edge from a to b of a face with normal n, into the face."""
-    m = _cross(n, b - a)
+    m = cross(n, b - a)
     return m / math.sqrt(max(dot(m, m), 1e-300))
 
 
 @compiled
-def _over(k: int, P: Array, face: Array, loop: Array, vertices: Array, margin: float, out: tuple[Array, ...]) -> int:
+def _over(
+    k: int, P: Array, number: int, face: Array, loop: Array, vertices: Array, margin: float, out: tuple[Array, ...]
+) -> int:
     """The part of a plate over a face: its corners, crossings of its outline with the face's edges, corners of the face."""
     n, edges = face[:3].copy(), len(loop)
     x, own, count = np.empty((len(P) + edges, 3)), np.empty(len(P) + edges, np.int64), len(P)
@@ -179,7 +181,7 @@ def _over(k: int, P: Array, face: Array, loop: Array, vertices: Array, margin: f
         if gap > margin:
             continue
         if own[i] >= 0:
-            k = _put(k, x[i], n, gap, (CORNER, own[i], 0), n, out)
+            k = _put(k, x[i], n, gap, (CORNER, own[i], number), n, out)
             continue
         one, two, way = -1, -1, n
         for j in range(edges):
@@ -246,7 +248,7 @@ def _under(
             elif s > SAME_M:
                 leaves = -np.inf
         if enters <= leaves and enters <= margin:
-            k = _put(k, P[i], up, enters, (CORNER, i, 0), up, out)
+            k = _put(k, P[i], up, enters, (CORNER, i, -1), up, out)
     return k
 
 
@@ -300,7 +302,8 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
         return k
     before, how = k, ON_FACE
     if carrier >= 0:
-        k = _over(k, P, faces[carrier], loops[starts[carrier] : starts[carrier + 1]], vertices, margin, out)
+        loop = loops[starts[carrier] : starts[carrier + 1]]
+        k = _over(k, P, carrier, faces[carrier], loop, vertices, margin, out)
     elif carrier == -1:
         how = ON_PLATE
         k = _under(k, P, up, faces, vertices, edges, margin, out)
@@ -462,136 +465,9 @@ def _is_face(n: Array, faces: Array) -> bool:
 touching = compiled(
     _touching,
     signature(
-        COUNT, array(2), array(1, COUNT), array(2), array(1), NUMBER, array(2), array(2), array(2), array(2, COUNT), array(1, COUNT),
-        array(1, COUNT), array(2), array(2, COUNT), array(2, written=True), array(2, written=True), array(1, written=True),
+        COUNT, array(2), array(1, COUNT), array(2), array(1), NUMBER, array(2), array(2), array(2), array(2, COUNT),
+        array(1, COUNT), array(1, COUNT), array(2), array(2, COUNT), array(2, written=True), array(2, written=True),
+        array(1, written=True),
         array(2, COUNT, written=True), array(2, written=True),
-    ),
-)  # fmt: skip
-
-
-@compiled
-def _axes(n: Array, dn: Array, x: Array, R: Array, dR: Array) -> None:
-    """Contact axes of a normal and a direction, as `rbd.constraints.surface.contact_axes`, and their rates for one of n, dn."""
-    t = x - dot(x, n) * n
-    if dot(t, t) < 0.01:
-        x = np.zeros(3)
-        x[0 if abs(n[0]) < NEAR_X else 1] = 1.0
-    t = x - dot(x, n) * n
-    size = math.sqrt(dot(t, t))
-    t, dt = t / size, (-dot(x, dn) * n - dot(x, n) * dn) / size
-    dt = dt - dot(t, dt) * t
-    R[:, 0], R[:, 1], R[:, 2] = t, _cross(n, t), n
-    dR[:, 0], dR[:, 1], dR[:, 2] = dt, _cross(dn, t) + _cross(n, dt), dn
-
-
-def _rows(
-    places: Array,
-    normals: Array,
-    which: Array,
-    ways: Array,
-    body: Array,
-    carries: Array,
-    J_W: Array,
-    v: Array,
-    plates: Array,
-    at: Array,
-    ups: Array,
-    alongs: Array,
-    radii: Array,
-    gaps: Array,
-    axes: Array,
-    J: Array,
-    velocity: Array,
-    bias: Array,
-) -> None:
-    """Rows of k points, three each, in contact axes; their normal is still on a face and turns with a plate or its edge.
-
-        J = (d, P x d) J_W        velocity = J v        bias = d . (a_P + w x u) + d' . v_P
-
-    u is how fast the contact point moves over the plate: that over a corner of the piece stays over it; the crossing of an
-    outline along e with an edge moves along both. The gap's rate is the normal velocity where plate and face are parallel, as
-    they are where both touch; elsewhere it is off by their angle times the sliding speed. Of the nearest pair apart, u and d'
-    are those of edges that cross.
-
-    Args:
-        places: Of the points, shape (k, 3), as `touching` left them with the next three.
-        normals: Shape (k, 3).
-        which: Shape (k, 6).
-        ways: Shape (k, 3).
-        body: The body of each plate, shape (plates,).
-        carries: Which coordinates move each body, shape (bodies, nv).
-        J_W: The joints' Jacobian at W's origin over its rate, shape (12, nv).
-        v: Shape (nv,).
-        plates: Corners of the plates, shape (c, 3).
-        at: Where those of each begin.
-        ups: Shape (plates, 3).
-        alongs: A direction in W for the first tangent of each plate, shape (plates, 3).
-        radii: Of balls about single corners, shape (plates,).
-        gaps: Of the points, shape (k,).
-        axes: Written: R_WC, shape (k, 3, 3).
-        J: Written: shape (3 k, nv).
-        velocity: Written: shape (3 k,).
-        bias: Written.
-    """
-    nv = len(v)
-    moving, turning = np.zeros((len(carries), 12)), np.empty((3, 3))
-    for b in range(len(carries)):
-        for c in range(nv):
-            if carries[b, c] and v[c] != 0.0:
-                moving[b] += J_W[:, c] * v[c]
-    for k in range(len(places)):
-        plate, P, n = which[k, 5], places[k], normals[k]
-        b = body[plate]
-        w, A = moving[b, 3:6], moving[b, 6:]
-        v_P = moving[b, :3] + _cross(w, P)
-        a = A[:3] + _cross(A[3:], P) + _cross(w, v_P)
-        u, dn, kind, first, size = np.zeros(3), np.zeros(3), which[k, 0], at[plate], at[plate + 1] - at[plate]
-        i, way = which[k, 1], ways[k]
-        e = plates[first + (i + 1) % size] - plates[first + i]
-        if which[k, 4] == ON_PLATE:
-            dn = _cross(w, n)
-        elif size == 1:
-            v_C = v_P + radii[plate] * _cross(w, n)  # of the ball's centre, or of the point
-            if kind == OTHER:
-                dn = v_C - dot(v_C, n) * n - (dot(v_C, way) / max(dot(way, way), 1e-300)) * way
-                dn = dn / max(gaps[k] + radii[plate], 1e-9)
-            u = v_C - radii[plate] * dn - v_P
-        if kind == UNDER:
-            up = ups[plate]
-            u = (dot(up, v_P) / dot(up, n)) * n + gaps[k] * dn - v_P
-        elif kind == CROSSING and which[k, 4] == ON_PLATE:
-            m = _cross(n, e)
-            rate = dot(m, v_P - gaps[k] * dn) / dot(m, way)
-            u = rate * way + (dot(n, v_P) - rate * dot(n, way)) * n + gaps[k] * dn - v_P
-        elif kind == CROSSING:
-            u = (-dot(way, v_P) / dot(way, e)) * e
-        elif kind == OTHER and size > 1:
-            both = _cross(e, way)
-            sine = dot(both, n)
-            if sine * sine > 1e-6 * dot(e, e) * dot(way, way):
-                u = (-dot(_cross(v_P, way), n) / sine) * e
-                dn = _cross(_cross(w, e), way) / sine
-                dn = dn - dot(dn, n) * n
-        a = a + _cross(w, u)
-        _axes(n, dn, alongs[plate], axes[k], turning)
-        for c in range(3):
-            d = axes[k, :, c].copy()
-            turn, row = _cross(P, d), 3 * k + c
-            for x in range(nv):
-                J[row, x] = 0.0
-                if carries[b, x]:
-                    J[row, x] = (
-                        d[0] * J_W[0, x] + d[1] * J_W[1, x] + d[2] * J_W[2, x]
-                        + turn[0] * J_W[3, x] + turn[1] * J_W[4, x] + turn[2] * J_W[5, x]
-                    )  # fmt: skip
-            velocity[row], bias[row] = dot(d, v_P), dot(d, a) + dot(turning[:, c], v_P)
-
-
-rows = compiled(
-    _rows,
-    signature(
-        None, array(2), array(2), array(2, COUNT), array(2), array(1, COUNT), array(2), array(2), array(1), array(2),
-        array(1, COUNT), array(2), array(2), array(1), array(1), array(3, written=True), array(2, written=True),
-        array(1, written=True), array(1, written=True),
     ),
 )  # fmt: skip
