@@ -72,6 +72,14 @@ def test_sole_over_an_edge():
         assert beside.gaps.min() >= 0.0
 
 
+@pytest.mark.parametrize("x", [-1e-6, -1e-9, 0.0, 1e-9])
+def test_point_where_a_riser_begins(x):
+    """In the corner between a tread and a riser a point touches both."""
+    found = touched(rbd.Terrain.stairs(0.1, 0.3, 3), np.array([[x, 0.0, 0.0]]))
+    assert sorted(map(tuple, found.normals.round(9).tolist())) == [(-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    assert np.abs(found.gaps).max() <= 1e-6
+
+
 def test_seams_are_not_there():
     """On level boxes side by side, and on the prisms of a slope, a sole has its four corners and nothing else."""
     level = rbd.Terrain.boxes(*[((0.1 * k, -1, -0.5), (0.1 * (k + 1), 1, 0.0)) for k in range(20)])

@@ -69,11 +69,11 @@ class FollowedMotion(SampledAccelerations, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MotionTargets:
-    """What the tasks of `follow` want at a time since the start of a motion, from one state of the robot for all of them.
+    """What the tasks of `follow` want at a time, from one state of the robot for all of them.
 
     Attributes:
         robot: The model of the controller.
-        t: Times from 0, shape (n,) [s].
+        t: Times, shape (n,) [s].
         q: Shape (n, nq).
         v: Shape (n, nv).
         a: Shape (n, nv).
@@ -92,7 +92,7 @@ class MotionTargets:
     def at(self, t: float) -> tuple[State, Array]:
         """(state, accelerations) of the motion; before its start and after its end its pose there, at rest."""
         if not self.last or self.last[0][0] != t:
-            within = min(max(t, 0.0), float(self.t[-1]))
+            within = min(max(t, float(self.t[0])), float(self.t[-1]))
             i = int(np.searchsorted(self.t, within))
             i -= i > 0 and within - self.t[i - 1] < self.t[i] - within
             dt, moves = within - self.t[i], float(within == t)
@@ -130,7 +130,7 @@ class MotionTargets:
         """The pose of a foot, or the place of a point foot; about when it is to touch its target sinks."""
         X, v, a = self._moving(contact.frame, pin.SE3(np.eye(3), offset), t)
         place = X.translation.copy()
-        start = next((max(x - AHEAD, 0.0) for x, y in self.times[contact.name] if x - AHEAD <= t < y), t)
+        start = next((max(x - AHEAD, float(self.t[0])) for x, y in self.times[contact.name] if x - AHEAD <= t < y), t)
         if 0.0 < (depth := SINKS * (t - start)):
             place[2] -= min(depth, DEEPEST)
             v[2] -= SINKS * (depth < DEEPEST)
@@ -167,7 +167,8 @@ def follow(
 ) -> WholeBodyController:
     """The controller that follows a motion on its contacts: torques within limits, and feedback that takes up disturbances.
 
-    The motion begins with the simulation, at t = 0; after its end its last pose is held. It should be possible
+    Its times are those of the simulation, which begins at its state's: `motion.state(0)` has the motion's first. Before the motion
+    begins its first pose is held, after its end its last one. It should be possible
     (`rbd.check_motion`): what it misses of balance, friction or torque the controller has to miss as well, and falls where that
     is much. Tasks, with their costs and gains (k; momentum: 1/s), each with velocity and acceleration of the motion::
 
@@ -230,10 +231,8 @@ def follow(
         if (corners := member(contact, "corners")) is not None:
             feet.append(contact)
             stages = [] if lanes is None or len(corners) < 3 else lanes.stages(contact.name)
-            parts[contact.name] = [
-                (x - begin, y - begin, which) for x, y, which in stages if len(which) < 3 and y - x > BRIDGED
-            ]
-            times[contact.name] = [(x - begin if x > begin else -math.inf, y - begin if y < end else math.inf) for x, y in each]
+            parts[contact.name] = [each for each in stages if len(each[2]) < 3 and each[1] - each[0] > BRIDGED]
+            times[contact.name] = [(x if x > begin else -math.inf, y if y < end else math.inf) for x, y in each]
         elif each:
             raise InputError(
                 f"the motion touches with {contact.name!r:.80} from {each[0][0]:.3f} to {each[0][1]:.3f} s, and follow knows "
@@ -242,7 +241,7 @@ def follow(
             )
     times = bridged(times)
     t, q, v, a = sampled(motion, _EVERY)
-    targets = MotionTargets(model, t - begin, q, v, a, times, [])
+    targets = MotionTargets(model, t, q, v, a, times, [])
     tasks: list[Task] = [
         ComTask(targets.com, cost=10000.0, gain=100.0),
         MomentumTask(targets.momentum, angular_cost=30.0, gain=5.0),

@@ -118,7 +118,7 @@ class BodyPairs:
         """
         shapes, turns = [s for *_, s in self.shapes], R.swapaxes(0, 1)
         centres = np.array([np.matmul(turns[s.joint], s.centre) + p[:, s.joint] for s in shapes])
-        some, least = range(len(self.pairs)), np.full((len(self.pairs) * again, len(R)), -np.inf)
+        some, least = list(range(len(self.pairs))), np.full((len(self.pairs) * again, len(R)), -np.inf)
         if again and self.known and self.pairs:
             turned = np.linalg.norm(turns - self.known[0], axis=(2, 3))
             moved = np.linalg.norm(centres - self.known[1], axis=2) + [s.reach * turned[s.joint] for s in shapes]

@@ -9,7 +9,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.constraints.surface import contact_axes
-from rbd.constraints.terrain.resting import RESTS, SAME_NORMAL
+from rbd.constraints.terrain.resting import BESIDE, SAME_NORMAL
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.constraints.terrain.touches import Touches
 from rbd.motion.contact_timeline import ContactTimeline, FloorPoints
@@ -74,7 +74,7 @@ class OverTerrain:
         tops, ups = np.zeros((0, 4)), np.stack([_normals(corners[:, own]) for own in soles], axis=1) if soles else _UP
         for i in range(n if len(firsts) else 0):
             P = np.ascontiguousarray(corners[i, firsts])
-            found = Touches(terrain.polytopes, P, at, ups[i], NEAR_M)
+            found = Touches(terrain.polytopes, P, at, ups[i], np.zeros(len(soles)), NEAR_M)
             if len(tops) != len(terrain.pieces):
                 tops = np.array([piece.faces[piece.faces[:, 2].argmax()] for piece in terrain.pieces])
             for s, own in enumerate(soles):
@@ -99,7 +99,7 @@ class OverTerrain:
 
     def _stand(self, i: int, own: Array, second: Array, found: Touches, near: Array, up: Array, tops: Array) -> None:
         """Frame i of a sole: what it is over, by the points at which it is near to pieces."""
-        is_under = found.normals[near] @ up > RESTS
+        is_under = found.normals[near] @ up > BESIDE
         under, walls = near[is_under], near[~is_under]
         depth = min(0.0, float(found.gaps[walls].min(initial=0.0)))
         free = own

@@ -218,7 +218,7 @@ def test_feet_that_change_in_an_instant_overlap() -> None:
 
 
 def test_the_motion_begins_with_the_simulation(stepping: Motion) -> None:
-    """A clip whose times begin later is followed as one that begins at zero."""
+    """A clip whose times begin later is followed as one that begins at zero: its state has its time."""
     later = stepping.robot, stepping.t + 8.0, stepping.q, stepping.v, stepping.a
     moved = Motion.of_arrays(*later)
     lanes = find_contacts(moved).of(

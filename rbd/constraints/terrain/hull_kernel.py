@@ -12,7 +12,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import SAME_M
 from rbd.constraints.plane_kernel import spread
-from rbd.constraints.terrain.touching_kernel import ALIKE, CORNER, ON_FACE, dot, joined, wall
+from rbd.constraints.terrain.touching_kernel import ALIKE, CORNER, ON_FACE, SEAM_M, dot, joined, wall
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 
 
@@ -91,7 +91,8 @@ def _hulls(
     out, k, found, total = (places, normals, gaps, which, ways), 0, 0, points.shape[1]
     above, group = np.empty(total), np.empty(total, np.int64)
     pieces, carriers, parted = np.empty(len(boxes), np.int64), np.empty(len(boxes), np.int64), np.empty(len(boxes))
-    c, up, x = np.empty(3), np.empty(3), np.empty(3)
+    c, up, x, above_all = np.empty(3), np.empty(3), np.empty(3), np.zeros(3)
+    above_all[2] = 1.0
     for s in range(len(body)):
         Q, o, far, begin = R[body[s]], p[body[s]], reach[s] + margin, k
         for i in range(3):
@@ -122,8 +123,9 @@ def _hulls(
                 level, least = dot(faces[f], o) - faces[f, 3], np.inf
                 for i in range(at[s], at[s + 1]):
                     least = min(least, points[0, i] * up[0] + points[1, i] * up[1] + points[2, i] * up[2])
-                if carrier < 0 or least + level > best + SAME_M:
-                    best, carrier = least + level, f
+                s_f = least + level
+                if carrier < 0 or s_f > best + SAME_M or (s_f > best - SEAM_M and faces[f, 2] > faces[carrier, 2] + ALIKE):
+                    best, carrier = s_f, f
                 if best > margin:
                     break
             if best <= margin:
@@ -166,7 +168,7 @@ def _hulls(
                     return -1, found
                 pairs[found, 0], pairs[found, 1] = s, piece
                 found += 1
-        k = joined(begin, k, 1, faces, begins, out)
+        k = joined(begin, k, above_all, 1, faces, begins, out)
     return k, found
 
 

@@ -224,7 +224,9 @@ class Terrain(Displayed):
             points: In W, shape (k, 3) [m].
         """
         P, at, up = as_finite("points", points, ("k", 3)), np.arange(2), np.array([[0.0, 0.0, 1.0]])
-        return np.array([Touches(self.polytopes, p[None], at, up, np.zeros(1), 1e6).gaps.min(initial=np.inf) for p in P])
+        out = np.array([Touches(self.polytopes, p[None], at, up, np.zeros(1), 1e6).gaps.min(initial=np.inf) for p in P])
+        within = np.min([piece.depths(P) for piece in self._pieces], axis=0)  # where pieces meet they have no surface
+        return np.where(np.isinf(out) & (within <= 0.0), within, out)
 
     def ground_at(self, x: float, y: float) -> Ground:
         """The plane of the highest top at (x, y).

@@ -76,7 +76,8 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
     best, carrier = -np.inf, -3
     for f in range(len(faces)):
         s = _lowest(P, faces[f]) - faces[f, 3]
-        if s > best + SAME_M or carrier == -3:
+        # Of faces that are as far, at their edge, the one that looks up.
+        if carrier == -3 or s > best + SAME_M or (s > best - SEAM_M and dot(faces[f], up) > dot(normal, up) + ALIKE):
             best, carrier = s, f
             normal[:] = faces[f, :3]
     k = len(P)
@@ -386,14 +387,14 @@ def _touching(
             for m in range(begin, k):
                 gaps[m] -= radius
                 places[m] -= radius * normals[m]
-        k = joined(begin, k, len(P), faces, begins, out)
+        k = joined(begin, k, up, len(P), faces, begins, out)
         for m in range(begin, k):
             which[m, 5] = plate
     return k
 
 
 @compiled
-def joined(begin: int, end: int, size: int, faces: Array, begins: Array, out: tuple[Array, ...]) -> int:
+def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, out: tuple[Array, ...]) -> int:
     """Drops points of one plate that are inside the surface that its pieces have together; their number.
 
     A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there.
@@ -425,7 +426,8 @@ def joined(begin: int, end: int, size: int, faces: Array, begins: Array, out: tu
             if within(x, others) > SEAM_M:
                 continue
             out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]
-            if within(out_of_b, others) <= SEAM_M and within(out_of_b + out_of_a, others) <= SEAM_M:
+            goes_on = max(within(out_of_b, others), within(out_of_b + out_of_a, others), within(out_of_b + LIFT_M * up, others))
+            if goes_on <= SEAM_M:
                 dropped[m - begin] = True  # A goes on where B ends
             elif not alike:
                 dropped[m - begin] = within(x + out_of_a, own) > SEAM_M
