@@ -167,7 +167,7 @@ def follow(
 ) -> WholeBodyController:
     """The controller that follows a motion on its contacts: torques within limits, and feedback that takes up disturbances.
 
-    Its times are those of the simulation, which begins at its state's: `motion.state(0)` has the motion's first. Before the motion
+    Its times are those of the simulation, which begins at that of its state: `motion.state(0)` has the first. Before the motion
     begins its first pose is held, after its end its last one. It should be possible
     (`rbd.check_motion`): what it misses of balance, friction or torque the controller has to miss as well, and falls where that
     is much. Tasks, with their costs and gains (k; momentum: 1/s), each with velocity and acceleration of the motion::
