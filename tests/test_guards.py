@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,18 @@ URDF = Path(__file__).parents[1] / "urdf" / "box.urdf"
 LOOPED = URDF.with_name("four_bar.urdf")
 BOX = rbd.load_robot(URDF)
 STAIRS = rbd.Terrain.stairs(0.1, 0.3, 3)
+WORLD, WEDGE = (Path(tempfile.mkdtemp()) / name for name in ("world.urdf", "wedge.stl"))
+WORLD.write_text(
+    '<robot name="w"><link name="floor"><collision><geometry><box size="4 4 0.2"/></geometry></collision></link></robot>'
+)
+WEDGE.write_text(
+    "solid wedge\n"
+    + "".join(
+        "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {corner}\n" for corner in three) + "endloop\nendfacet\n"
+        for three in combinations(("-1 -1 0", "1 -1 0", "0 1 0", "0 0 -1"), 3)
+    )
+    + "endsolid wedge\n"
+)
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", rbd.errors.ModelWarning)
     BOLT = rbd.load_robot("bolt")
@@ -550,6 +563,12 @@ CASES: dict[str, Case] = {
     "Terrain.heights": Case(
         lambda **given: use_terrain(rbd.Terrain.heights(**given)),
         {"z": np.zeros((4, 3)), "spacing": 0.5, "origin": np.array([-0.5, -0.5]), "friction": 0.5},
+    ),
+    "Terrain.mesh": Case(
+        lambda **given: use_terrain(rbd.Terrain.mesh(**given)), {"path": WEDGE, "pose": None, "scale": 1.0, "friction": 0.5}, 60
+    ),
+    "Terrain.read": Case(
+        lambda **given: use_terrain(rbd.Terrain.read(**given)), {"path": WORLD, "friction": 0.5, "package_dirs": ()}, 60
     ),
     "Terrain.heights_of": Case(lambda points: finite(STAIRS.heights_of(points)), {"points": np.array([[0.1, 0.0, 0.2]])}),
     "Terrain.distances": Case(lambda points: finite(STAIRS.distances(points)), {"points": np.array([[0.1, 0.0, 0.2]])}),

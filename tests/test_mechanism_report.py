@@ -108,7 +108,7 @@ def test_a_whole_turn_is_the_same_pose():
     """A branch is told by its pose, not by how often a joint has turned."""
     report, arm = _known("four_bar"), rbd.load_robot("ur5", root="fixed")
     q = np.linspace(-1.0, 1.0, arm.nq)  # plain angles, that a whole turn does not change to themselves
-    found = tuple(replace(report.branches.found[0], q=x) for x in (q + 0.1, q + 2.0 * np.pi))
+    found = tuple(replace(report.branches.found[0], state=rbd.State(arm, x)) for x in (q + 0.1, q + 2.0 * np.pi))
     assert replace(report, robot=arm, state=arm.at(q), branches=replace(report.branches, found=found)).shown == "branch 1"
 
 

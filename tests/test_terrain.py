@@ -303,6 +303,70 @@ def test_friction_is_that_of_the_terrain():
     assert rbd.solve(state, [], [face], external=[push]).forces["face"][0] == pytest.approx(-0.05 * 98.1)
 
 
+def test_starting_inside_is_named():
+    """A sole that begins in a riser is refused with the point, its depth and the way out; `solve` warns of it."""
+    state, face = on_box([0.07 - 0.2, 0.0, 0.0, 0, 0, 0, 1], rbd.Terrain.stairs(0.1, 0.3, 3))
+    warns = pytest.warns(rbd.errors.DistantContactWarning, match="out along")
+    with warns, pytest.raises(rbd.InputError, match=r"70 mm at 'face, corner \d on box 1 \(out along \(-1, 0, 0\)\)'"):
+        rbd.simulate(state, [face], duration=0.1, step=1e-3, progress=False)
+    with pytest.warns(rbd.errors.DistantContactWarning, match="out along"):
+        rbd.solve(state, [], [face])
+
+
+URDF_WORLD = '''<robot name="stairs"><link name="floor"><collision><geometry><box size="1 1 0.2"/></geometry></collision></link>
+<link name="b"><collision name="step"><origin xyz="0 0 0.1"/><geometry><box size="0.5 1 0.2"/></geometry></collision></link>
+<joint name="j" type="fixed"><parent link="floor"/><child link="b"/><origin xyz="0.5 0 0.1"/></joint></robot>'''
+MJCF_WORLD = '''<mujoco><asset>
+<hfield name="h" nrow="3" ncol="5" size="1 2 0.3 0.1" elevation="0 0 0 0 0 0 1 2 1 0 0 0 0 0 0"/></asset>
+<worldbody><geom name="floor" type="plane" size="5 5 .1"/><geom name="box" type="box" size=".2 .3 .1" pos="1 0 .1"/>
+<geom name="field" type="hfield" hfield="h" pos="3 0 0.5"/></worldbody></mujoco>'''
+
+
+def test_worlds_in_files(tmp_path):
+    """Boxes, planes and grids of heights of URDF and MJCF stand where the files have them."""
+    urdf, mjcf = tmp_path / "w.urdf", tmp_path / "w.xml"
+    urdf.write_text(URDF_WORLD)
+    mjcf.write_text(MJCF_WORLD)
+    np.testing.assert_allclose(rbd.Terrain.read(urdf).heights_of([[0.5, 0, 1.0], [0.0, 0.0, 1.0]]), [0.7, 0.9], atol=1e-14)
+    world = rbd.Terrain.read(mjcf, friction=0.4)
+    assert world.friction == 0.4
+    tops = [float(world.ground_at(*at).point[2]) for at in ((-1, 0), (1, 0), (3, 0), (3.25, 0), (3, 1))]
+    np.testing.assert_allclose(tops, [0.0, 0.2, 0.8, 0.725, 0.65], atol=1e-7)  # the file's elevations are in single precision
+    moves = tmp_path / "m.urdf"
+    moves.write_text(URDF_WORLD.replace('type="fixed"', 'type="continuous"'))
+    with pytest.raises(rbd.InputError, match="nothing moves"):
+        rbd.Terrain.read(moves)
+
+
+def test_meshes_are_convex_parts(tmp_path):
+    """Connected parts of a mesh are pieces; one that is not convex is refused, with how far its surface is inside."""
+
+    def written(name: str, triangles: list[Array]) -> Path:
+        corners = ["".join(f"vertex {x!r} {y!r} {z!r}\n" for x, y, z in t.tolist()) for t in triangles]
+        text = "".join(f"facet normal 0 0 0\nouter loop\n{three}endloop\nendfacet\n" for three in corners)
+        (tmp_path / name).write_text(f"solid a\n{text}endsolid a\n")
+        return tmp_path / name
+
+    def prism(outline: list[tuple[float, float]], faces: list[tuple[int, int, int]]) -> list[Array]:
+        low = np.array([(x, y, 0.0) for x, y in outline])
+        high, n = low + UP, len(outline)
+        out = [low[[a, c, b]] for a, b, c in faces] + [high[list(f)] for f in faces]
+        for i in range(n):
+            j = (i + 1) % n
+            out += [np.array([low[i], low[j], high[j]]), np.array([low[i], high[j], high[i]])]
+        return out
+
+    square = prism([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 2, 3)])
+    two = rbd.Terrain.mesh(written("two.stl", square + [t + [3.0, 0.0, 0.0] for t in square]), scale=0.5)
+    assert two.names == ("two 0", "two 1")
+    np.testing.assert_allclose(two.heights_of([[0.2, 0.2, 1.0], [1.7, 0.2, 1.0]]), 0.5, atol=1e-9)
+    corner = prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
+    with pytest.raises(rbd.InputError, match=r"goes 0\.\d+ m below that of its hull"):
+        rbd.Terrain.mesh(written("corner.stl", corner))
+    with pytest.raises(rbd.InputError, match="no file"):
+        rbd.Terrain.mesh(tmp_path / "none.stl")
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [

@@ -37,7 +37,7 @@ from rbd.constraints.surface import (
     surface_of,
 )
 from rbd.constraints.terrain.on_terrain import OnTerrain
-from rbd.constraints.terrain.resting import resting_on
+from rbd.constraints.terrain.resting import resting_rows
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -181,7 +181,7 @@ class Contact(Displayed):
         if type(state) is not State:  # one call less on the hot path
             check_state(state, self.name)
         if isinstance(self.on, Terrain):
-            return resting_on(self, state).rows(state)
+            return resting_rows(self, state)
         k, touched = len(self.corners), self._touched
         if k != 2 and touched.still:  # nothing to subtract, as of most contacts
             X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL if k > 1 else pin.LOCAL_WORLD_ALIGNED)

@@ -107,6 +107,13 @@ class OnTerrain:
             return f"corner {number}"
         return list(self._labels.values())[number - self._most]
 
+    def name_of(self, found: Touches, point: int) -> str:
+        """What a point is, the piece in which it is, and the way out."""
+        kind, i, _, piece, _, plate = found.which[point].tolist()
+        x, y, z = found.normals[point].tolist()
+        name = f"{self._names[plate]}, {_KINDS[kind].format(i)} {self.terrain.pieces[piece].name}"
+        return f"{name} (out along ({x:.3g}, {y:.3g}, {z:.3g}))"
+
     def _structure(self, found: Touches) -> Structure:
         """The same object for the same points: corners keep their numbers from one piece to the next in its plane."""
         key = found.which.tobytes()

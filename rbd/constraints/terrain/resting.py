@@ -13,10 +13,12 @@ import pinocchio as pin
 from rbd.arrays import Array, locked
 from rbd.constraints.surface import Counterpart, anchor_of, cone_of, contact_axes
 from rbd.constraints.terrain.on_terrain import BESIDE, OnTerrain
+from rbd.constraints.terrain.touches import Touches
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import TOUCHES, Ground
+from rbd.problem.rows import Rows
 
 SAME_NORMAL = 1e-6
 """Normals that differ by less than this are of one plane."""
@@ -25,8 +27,25 @@ _MOST = 256
 _sources: WeakKeyDictionary[CheckedModel, dict[Any, OnTerrain]] = WeakKeyDictionary()
 
 
-def resting_on(contact: Any, state: State) -> Any:
-    """The same contact on the plane under it, at the corners of the part that rests there; in the same axes and centre.
+def resting_rows(contact: Any, state: State) -> Rows:
+    """The rows of a contact on terrain: those of what rests, with the depths of points that are inside of pieces.
+
+    Raises:
+        InputError: as of `resting_on`.
+    """
+    resting, found, source = resting_on(contact, state)
+    rows: Rows = resting.rows(state)
+    deep = np.flatnonzero(found.gaps < -TOUCHES)
+    if len(deep):
+        inside = [(source.name_of(found, int(m)), -float(found.gaps[m])) for m in deep]
+        object.__setattr__(rows, "overlaps", tuple(inside))
+    return rows
+
+
+def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
+    """(the same contact on the plane under it, what it touches, its source).
+
+    It has the corners of the part that rests there, in the same axes and about the same centre.
 
     Where nothing of it is within a millimetre of the terrain, it has all its corners, and the plane below its centre.
 
@@ -46,7 +65,8 @@ def resting_on(contact: Any, state: State) -> Any:
     under = np.flatnonzero(found.normals @ up > BESIDE)
     if not len(under):
         below = contact.on.ground_at(*X_WP.translation[:2].tolist())
-        return _on_plane(contact, tuple(np.asarray(below.normal).tolist()), float(below.height), contact.corners.tobytes(), k)
+        flat = _on_plane(contact, tuple(np.asarray(below.normal).tolist()), float(below.height), contact.corners.tobytes(), k)
+        return flat, found, source
     normals = found.normals[under]
     if np.abs(normals - normals[0]).max() > SAME_NORMAL:
         raise InputError(
@@ -61,7 +81,8 @@ def resting_on(contact: Any, state: State) -> Any:
     if k > 2:
         while len(local) < 3:  # an edge, or a corner: the same forces from three corners
             local = np.vstack([local, local[-1:]])
-    return _on_plane(contact, tuple(n.tolist()), round(float(n @ place[0]), 12), local.tobytes() if k > 1 else b"", len(local))
+    height, corners = round(float(n @ place[0]), 12), local.tobytes() if k > 1 else b""
+    return _on_plane(contact, tuple(n.tolist()), height, corners, len(local)), found, source
 
 
 @lru_cache(maxsize=1024)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, locked
+from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, locked
 from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Polytopes, piece_of
+from rbd.constraints.terrain.terrain_files import file_path, mesh_pieces, world_pieces
 from rbd.constraints.terrain.touches import Touches
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import listed_items
 from rbd.problem.cones import check_friction
 from rbd.problem.ground import Ground
 
@@ -159,6 +162,40 @@ class Terrain(Displayed):
             array([-0.196,  0.   ,  0.981])
         """
         return cls({"heights": Heights.of("heights", z, spacing, origin)}, friction)
+
+    @classmethod
+    def mesh(
+        cls, path: str | Path, *, pose: pin.SE3 | None = None, scale: float = 1.0, friction: float | None = None
+    ) -> Terrain:
+        """The connected parts of a mesh file, each of which is convex.
+
+        Args:
+            path: .stl, .obj or .dae.
+            pose: Of the mesh in W; None: the identity.
+            scale: Of its lengths.
+            friction: As of the class.
+
+        Raises:
+            InputError: a file that cannot be read; a part that is not convex.
+        """
+        check_number("scale of a mesh", scale, ABOVE_ZERO, 1e6, expected="a number > 0")
+        return cls(mesh_pieces(file_path(path), pin.SE3.Identity() if pose is None else pose, float(scale)), friction)
+
+    @classmethod
+    def read(cls, path: str | Path, *, friction: float | None = None, package_dirs: Sequence[str | Path] = ()) -> Terrain:
+        """The collision shapes of a world of fixed bodies in URDF, or in MJCF (boxes, planes, meshes, grids of heights).
+
+        Args:
+            path: The file; MJCF needs the extra `mujoco`.
+            friction: As of the class; that of the file is not read.
+            package_dirs: Where `package://` begins.
+
+        Raises:
+            ModelError: a file that cannot be read.
+            InputError: bodies that move, no shapes, shapes that are round.
+        """
+        folders = listed_items("package_dirs", package_dirs, "a list of folders")
+        return cls(world_pieces(file_path(path), [file_path(each) for each in folders]), friction)
 
     @property
     def pieces(self) -> tuple[Piece, ...]:

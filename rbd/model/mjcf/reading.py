@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,26 @@ _NUMBERS = (
 _NAMED = ("body", "jnt", "site", "geom", "actuator", "key", "eq")
 
 
+class Grid(NamedTuple):
+    """A grid of heights.
+
+    Attributes:
+        name: Of its shape.
+        body: Of its body.
+        place: Of its middle, shape (3,) [m].
+        turn: Its quaternion, w first, shape (4,).
+        size: Half lengths along x and y, and the height of its highest point [m].
+        z: Between 0 and 1, shape (along x, along y); empty where the heights are in a file.
+    """
+
+    name: str
+    body: str
+    place: Array
+    turn: Array
+    size: Array
+    z: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Mjcf:
     """An MJCF file that MuJoCo took, and that can be expressed here.
@@ -70,6 +90,7 @@ class Mjcf:
         meshes: {file as it is named: where it is, relative to the folder of the robot's file}.
         stand_ins: Indices of the shapes that are boxes in place of meshes, where shapes were asked for.
         refused: {file or mesh: why it cannot be read}.
+        grids: Grids of heights.
     """
 
     name: str
@@ -83,6 +104,7 @@ class Mjcf:
     meshes: Mapping[str, str]
     stand_ins: frozenset[int]
     refused: Mapping[str, str]
+    grids: tuple[Grid, ...] = ()
 
     @property
     def mass(self) -> float:
@@ -158,7 +180,7 @@ def read_mjcf(
     equal, lost = equalities(wrong, mujoco, model)
     refused = {named.get(mesh) or mesh: why for mesh, why in loader.refused.items()}
     name = root.get("model") or "MuJoCo Model"
-    found = Mjcf(name, model, bodies, joints, None, keys, equal, (), meshes, stand_ins, refused)
+    found = Mjcf(name, model, bodies, joints, None, keys, equal, (), meshes, stand_ins, refused, loader.grids)
     remarks += _ignored(wrong, found, leave_out)
     if "actuators" not in leave_out:
         motors, told = read_motors(wrong, model, joints)
@@ -284,6 +306,15 @@ def _must_be_named(wrong: Complaints, leave_out: Collection[str], part: str, tol
         wrong.stop(f"{told}. If that is meant: load_robot(..., leave_out=['{part}']).")
 
 
+def _grid(geom: Any, field: Any) -> Grid:
+    z = np.array([] if field.file else field.userdata, float)
+    z = z.reshape(field.nrow, field.ncol).T if len(z) else np.zeros((0, 0))
+    z = (z - z.min(initial=np.inf)) / max(float(np.ptp(z)) if z.size else 0.0, 1e-300)
+    name = geom.name or field.name
+    place, turn, size = (np.array(x, float) for x in (geom.pos, geom.quat, field.size[:3]))
+    return Grid(name, geom.parent.name, place, turn, size, z)
+
+
 class _Loader:
     """Brings the meshes that are needed, and leaves out all files that are not."""
 
@@ -291,6 +322,9 @@ class _Loader:
         self.wrong, self.spec, self.folder, self.folders, self.stand_in_m = wrong, spec, folder, folders, stand_in_m
         self.refused: dict[str, str] = {}
         self.named: dict[str, str] = {}
+        fields = {field.name: field for field in spec.hfields}
+        shapes = [geom for geom in spec.geoms if geom.type == _HFIELD and geom.hfieldname in fields]
+        self.grids = tuple([_grid(geom, fields[geom.hfieldname]) for geom in shapes])
         rule, (low, high) = spec.compiler.inertiafromgeom, spec.compiler.inertiagrouprange
         self.weighing: dict[str, str] = {}
         for geom in spec.geoms:
