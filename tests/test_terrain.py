@@ -278,6 +278,32 @@ def test_shapes_pass_seams(tmp_path):
     np.testing.assert_allclose(rolled[0].q, rolled[1].q, atol=1e-12)
 
 
+def test_box_slides_off_an_edge_as_in_mujoco(tmp_path):
+    """Up to its landing it is within 2 mm of MuJoCo's, whose contacts are made stiff and whose steps short."""
+    mujoco = pytest.importorskip("mujoco")
+    box, speed, step = moving(tmp_path, "box", 0.2, 0.2, 0.2), 1.4, 5e-4
+    ground = rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0)), "table": (coal.Box(1.0, 1.0, 0.3), (0.0, 0.0, 0.15))})
+    run = rbd.simulate(
+        rbd.State(box, [0.3, 0, 0.4, 0, 0, 0, 1], [speed, 0, 0, 0, 0, 0]),
+        [rbd.CollisionContacts("c", box, friction=0.3, on=ground)], duration=0.4, step=step, progress=False,
+    )  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(
+        '''<mujoco><option timestep="2e-5" cone="elliptic" impratio="100" iterations="200" tolerance="1e-12"/>
+        <default><geom solref="2e-4 1" solimp="0.99 0.9999 0.0001" friction="0.3 0 0" condim="3"/></default>
+        <worldbody><geom type="plane" size="5 5 .1"/><geom type="box" size=".5 .5 .15" pos="0 0 .15"/>
+        <body pos="0.3 0 .4"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body></worldbody></mujoco>'''
+    )
+    data, away = mujoco.MjData(model), []
+    data.qvel[0] = speed
+    for q in run.q[1:]:
+        for _ in range(25):
+            mujoco.mj_step(model, data)
+        away.append(np.linalg.norm(q[:3] - data.qpos[:3]))
+    assert max(away) < 2e-3
+    assert run.q[-1, 2] < 0.35  # it has left the table
+    assert run.residuals["penetration"].max() < 1e-9
+
+
 def test_hulls_on_boxes_fall_as_on_the_plane():
     """All shapes of Talos on seven boxes side by side: the same motion as on the plane of their tops."""
     q, v = TALOS.standing().q.copy(), np.zeros(TALOS.nv)

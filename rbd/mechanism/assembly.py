@@ -318,11 +318,10 @@ class Branches(Displayed):
         return once * (once - 1) / (2.0 * (twice + 1))
 
     def __str__(self) -> str:
-        k = len(self.found)
+        k, more = len(self.found), f"; by their hits {self.unseen:.3g} more" if self.unseen else ""
         lines = [
             f"{k} branch{'es' * (k != 1)} in {self.tries} tries (seed {self.seed}; {self.closed} closed), the last new "
-            f"one {self.since_new} tries before the end; by their hits {self.unseen:.3g} more. That there are no more is not "
-            "proved."
+            f"one {self.since_new} tries before the end{more}. That there are no more is not proved."
         ]
         for i, b in enumerate(self.found):
             marks = "".join([", singular" * b.singular, *(f"; beyond its limits: {joint}" for joint in b.beyond_limits)])

@@ -99,7 +99,7 @@ def test_a_plane_of_another_joint_or_of_another_name_is_refused():
 def test_how_many_branches_are_unseen_is_estimated_from_hits():
     """Chao's estimate: none where all were hit often; of a draw from many alike it comes near the number that is missing."""
     both = branches(NORTON.at(), fixed={"crank_joint": 0.8}, tries=50)
-    assert both.unseen == 0.0 and "by their hits 0 more" in str(both)
+    assert both.unseen == 0.0 and "by their hits" not in str(both)
     rng, estimates = np.random.default_rng(0), []
     for _ in range(200):
         hits = np.bincount(rng.integers(0, 100, size=120), minlength=100)

@@ -286,7 +286,7 @@ def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
         room = _room(needs, start + shift @ found.x[:d])
         if room.min() > RESOLUTION:
             return
-    _refuse(answer, modes, needs[int(np.argmin(room))])
+    _refuse(answer, modes, needs[int(np.flatnonzero(room <= room.min() + RESOLUTION)[0])])  # of several alike the first
 
 
 def _room(needs: list[Need], s: Array) -> Array:
