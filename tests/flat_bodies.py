@@ -87,6 +87,20 @@ def free_state(
     return rbd.State(robot, q, np.concatenate([R.T @ np.asarray(v, float), R.T @ np.asarray(w, float)]))
 
 
+def free(inertia: pin.Inertia) -> CheckedModel:
+    """One body in space, its frame "body" at its centre."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), HERE, "root_joint")
+    model.appendBodyToJoint(joint, inertia, HERE)
+    model.addFrame(pin.Frame("body", joint, 0, HERE, pin.FrameType.OP_FRAME))
+    return CheckedModel(model, name="body")
+
+
+def state_of(robot: CheckedModel, R: np.ndarray, p: np.ndarray, v_W: np.ndarray, w_W: np.ndarray) -> rbd.State:
+    """The body at a pose with a velocity in world axes."""
+    return rbd.State(robot, pin.SE3ToXYZQUAT(pin.SE3(R, np.asarray(p, float))), np.r_[R.T @ v_W, R.T @ w_W])
+
+
 def flat_motion(state: rbd.State) -> Array:
     """(x, z, angle, and their rates) of a `flat_body` or of a free one; the angle within half a turn."""
     if not state.robot.floating:

@@ -13,6 +13,7 @@ import pytest
 import rbd
 from rbd.arrays import Array
 from rbd.constraints.terrain.on_terrain import OnTerrain
+from rbd.constraints.terrain.pieces import Plates
 from rbd.constraints.terrain.touches import Touches
 from rbd.constraints.terrain.touching_kernel import EDGES
 from rbd.control import ComTask, PostureTask, WholeBodyController
@@ -26,7 +27,7 @@ SOLE = np.array([[0.12, 0.06, 0.0], [0.12, -0.06, 0.0], [-0.12, -0.06, 0.0], [-0
 
 def touched(terrain: rbd.Terrain, corners: Array, up: Array = UP) -> Touches:
     P, at = np.ascontiguousarray(corners, float), np.array([0, len(corners)])
-    return Touches(terrain.polytopes, P, at, np.array(up)[None].copy(), np.zeros(1), 0.05)
+    return Touches.of(terrain.polytopes, Plates(P, at, np.array(up)[None].copy(), np.zeros(1)), 0.05)
 
 
 def on_box(q: Any, terrain: rbd.Terrain, **given: Any) -> tuple[rbd.State, rbd.SurfaceContact]:

@@ -16,7 +16,7 @@ from rbd.arrays import Array, check_number, cross_matrix, locked
 from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
-from rbd.constraints.surface import On, check_state, check_words, contact_axes, plane_of
+from rbd.constraints.surface import On, check_state, check_words, cone_of, contact_axes, plane_of
 from rbd.constraints.terrain.shapes import OnPieces
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
@@ -25,7 +25,7 @@ from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import RenewedLock
 from rbd.model.state import State
-from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction
+from rbd.problem.cones import Cone, NonNegative, Product, check_friction
 from rbd.problem.ground import FLOOR, TOUCHES, Ground
 from rbd.problem.rows import Patch, Rows
 
@@ -326,7 +326,7 @@ def _checked_margin(name: str, margin: float) -> float:
 
 def _cone(friction: float, facets: int) -> Cone:
     """Force set of one point."""
-    return FrictionCone(friction, facets) if friction else NonNegative(1)
+    return cone_of("", np.zeros((1, 3)), friction, facets)
 
 
 @lru_cache(maxsize=256)

@@ -33,7 +33,6 @@ from rbd.constraints.surface import (
     corners_of,
     edge_axes,
     jump_of,
-    rigid_placement,
     surface_of,
 )
 from rbd.constraints.terrain.on_terrain import OnTerrain
@@ -41,6 +40,7 @@ from rbd.constraints.terrain.resting import resting_rows
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.model.placement import rigid_placement
 from rbd.model.state import State
 from rbd.problem.cones import Cone, check_friction
 from rbd.problem.ground import Body, Ground

@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, lazy, zeros
 from rbd.constraints.contact_points import Group, Measured, Structure
-from rbd.constraints.surface import contact_axes, motion_of
+from rbd.constraints.surface import cone_of, contact_axes, motion_of
 from rbd.model.state import State
-from rbd.problem.cones import Cone, FrictionCone, NonNegative
+from rbd.problem.cones import Cone
 from rbd.problem.ground import Ground
 
 
@@ -40,12 +40,9 @@ class OnGround:
             through = through - ground.shift(start.t)
         self.normal = self.R[:, 2]
         self.height = float(self.normal @ through)
-        given = isinstance(friction, Cone)
-        self.cone: Cone = (
-            friction if given else FrictionCone(float(friction), int(contact.facets)) if friction else NonNegative(1)
-        )
+        self.cone = cone_of(contact.name, self.local[:1], friction, int(contact.facets))
         self.surface = ground if ground is not None and ground.moves else None
-        self.point_alone, self.alone = len(self.local) == 1, given or self.surface is not None
+        self.point_alone, self.alone = len(self.local) == 1, isinstance(friction, Cone) or self.surface is not None
 
 
 def _under(surface: Ground, points: Array, velocity: Array) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ import numpy as np
 from rbd.arrays import as_float, check_flag, check_number
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, PointSource, sources_of
+from rbd.constraints.terrain.on_terrain import rests
 from rbd.control.schedules import INSTANT, AcceptedStep, ContactTouch, TouchesWhenRead
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -386,7 +387,7 @@ class ContactWatch:
         uneven = callable(member(member(contact, "on"), "heights_of"))
         if told is not None:
             if uneven:
-                of = [i for i, label in enumerate(told.names) if _rests(label, part)]
+                of = [i for i, label in enumerate(told.names) if rests(label, part)]
             gaps, n = np.asarray(told.gaps)[of], int(np.count_nonzero(np.asarray(told.touches)[of]))
         else:
             if contact.name not in self._sources:
@@ -399,12 +400,6 @@ class ContactWatch:
             return n > 0, whole, near
         shapes = self._bodies(step)[self._joint(step.state.robot, str(member(contact, "frame")))]
         return n + shapes > 0, shapes >= min(len(gaps), 3), shapes > 0 or near
-
-
-def _rests(label: str, part: tuple[int, ...] | None) -> bool:
-    """Whether a point on terrain is under a contact, or a part of it."""
-    kind, number, *_ = label.split()
-    return "beside" not in label and (part is None or (kind == "corner" and int(number) in part))
 
 
 def _met(touch: ContactTouch) -> list[int]:

@@ -19,7 +19,6 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_vector3, check_finite, lazy
 from rbd.constraints.constraint import PerRobot
-from rbd.constraints.surface import rigid_placement
 from rbd.control.task_terms import (
     Cost,
     FollowingTask,
@@ -38,6 +37,7 @@ from rbd.control.task_terms import (
 from rbd.errors import InputError, JointNotFound, nearest
 from rbd.errors.inputs import check_choice, check_known
 from rbd.model.checked_model import CheckedModel
+from rbd.model.placement import rigid_placement
 from rbd.model.state import State, checked
 
 _WORLD = pin.LOCAL_WORLD_ALIGNED

@@ -293,6 +293,13 @@ def _triangles(m: Any, i: int) -> coal.CollisionGeometry:
     return mesh
 
 
+def flat_faces(hull: Any) -> Array:
+    """(N, d) of the different faces of `solid_hull`'s, N x <= d inside, shape (f, 4) [1, m]."""
+    first = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)[1]
+    equations = hull.equations[np.sort(first)]
+    return np.column_stack([equations[:, :3], -equations[:, 3]])
+
+
 def solid_hull(vertices: Array) -> Any:
     """SciPy's hull of points; its triangles, `simplices`, are counter-clockwise as seen from outside.
 

@@ -9,6 +9,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.constraints.surface import contact_axes
+from rbd.constraints.terrain.pieces import Plates
 from rbd.constraints.terrain.resting import BESIDE, SAME_NORMAL
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.constraints.terrain.touches import Touches
@@ -71,10 +72,11 @@ class OverTerrain:
         )  # fmt: skip
         out.rests[:, k:] = False
         at = np.concatenate([[0], np.cumsum([len(own) for own in soles])]).astype(int)
+        radii = np.zeros(len(soles))
         tops, ups = np.zeros((0, 4)), np.stack([_normals(corners[:, own]) for own in soles], axis=1) if soles else _UP
         for i in range(n if len(firsts) else 0):
             P = np.ascontiguousarray(corners[i, firsts])
-            found = Touches(terrain.polytopes, P, at, ups[i], np.zeros(len(soles)), NEAR_M)
+            found = Touches.of(terrain.polytopes, Plates(P, at, ups[i], radii), NEAR_M)
             if len(tops) != len(terrain.pieces):
                 tops = np.array([piece.faces[piece.faces[:, 2].argmax()] for piece in terrain.pieces])
             for s, own in enumerate(soles):

@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.surface import rigid_placement
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import CheckedModel
+from rbd.model.placement import rigid_placement
 from rbd.model.state import State
 from rbd.model.urdf import LIGHTEST
 from rbd.robots.building.parts import EQUAL, check_moments, inertia_matrix

@@ -15,12 +15,12 @@ from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import renamed
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
-from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.errors.inputs import check_kind, listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool
 from rbd.model.pickling import Recipe
+from rbd.model.placement import rigid_placement
 from rbd.model.state import State
 from rbd.robots.rotors import file_damping, file_springs
 

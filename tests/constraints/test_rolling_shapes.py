@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from flat_bodies import free, state_of
 
 import rbd
 from rbd.model.checked_model import CheckedModel
@@ -33,20 +34,6 @@ KINDS = {
         "it", "body", radius=0.1, surface_radius=0.7, axis=(0.2, 1, 0.4), **more
     ),
 }
-
-
-def free(inertia: pin.Inertia) -> CheckedModel:
-    """One body in space, its frame "body" at its centre."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), HERE, "root_joint")
-    model.appendBodyToJoint(joint, inertia, HERE)
-    model.addFrame(pin.Frame("body", joint, 0, HERE, pin.FrameType.OP_FRAME))
-    return CheckedModel(model, name="body")
-
-
-def state_of(robot: CheckedModel, R: np.ndarray, p: np.ndarray, v_W: np.ndarray, w_W: np.ndarray) -> rbd.State:
-    """The body at a pose with a velocity in world axes."""
-    return rbd.State(robot, pin.SE3ToXYZQUAT(pin.SE3(R, np.asarray(p, float))), np.r_[R.T @ v_W, R.T @ w_W])
 
 
 @pytest.fixture

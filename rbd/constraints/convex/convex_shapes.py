@@ -20,7 +20,7 @@ import pinocchio as pin
 from rbd.arrays import Array, locked
 from rbd.constraints.convex.polygons import DIRECTIONS, MOST_POINTS, RIM_CORNERS, TOWARDS, across
 from rbd.errors import ModelError
-from rbd.model.meshes import solid_hull
+from rbd.model.meshes import flat_faces, solid_hull
 
 LEVEL_M = 1e-7
 """A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
@@ -187,9 +187,7 @@ def _solid(data: bytes) -> tuple[Array, Array, coal.Convex]:
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     triangles, corners = number[hull.simplices], points[hull.vertices]
-    faces = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)[1]
-    equations = hull.equations[np.sort(faces)]
-    faces = np.column_stack([equations[:, :3], -equations[:, 3]])
+    faces = flat_faces(hull)
     solid = coal.Convex(_vectors(corners), _triangles(triangles))
     return locked(corners[_few(corners, faces)]), locked(faces), solid
 

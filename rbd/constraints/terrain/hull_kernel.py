@@ -12,7 +12,19 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import SAME_M
 from rbd.constraints.plane_kernel import spread
-from rbd.constraints.terrain.touching_kernel import ALIKE, CORNER, ON_FACE, SEAM_M, dot, joined, wall
+from rbd.constraints.terrain.pieces import Polytopes, Spots
+from rbd.constraints.terrain.touching_kernel import (
+    ALIKE,
+    CORNER,
+    ON_FACE,
+    POLYTOPES,
+    SEAM_M,
+    SPOTS,
+    clear_of,
+    dot,
+    joined,
+    wall,
+)
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 
 
@@ -45,19 +57,8 @@ def _hulls(
     at: Array,
     margin: float,
     near: float,
-    boxes: Array,
-    faces: Array,
-    vertices: Array,
-    edges: Array,
-    loops: Array,
-    loop_at: Array,
-    dirs: Array,
-    begins: Array,
-    places: Array,
-    normals: Array,
-    gaps: Array,
-    which: Array,
-    ways: Array,
+    pieces: Polytopes,
+    out: Spots,
     pairs: Array,
 ) -> tuple[int, int]:
     """(points of hulls over faces of pieces, pairs for the general way); -1 if there is no room for them.
@@ -73,24 +74,15 @@ def _hulls(
         at: Where those of each shape begin, and n.
         margin: Of points that are returned [m].
         near: Of pairs [m].
-        boxes: Pieces, as of `touching_kernel.touching`; so the next seven.
-        faces: Of pieces.
-        vertices: Of pieces.
-        edges: Of pieces.
-        loops: Of pieces.
-        loop_at: Of pieces.
-        dirs: Of pieces.
-        begins: Of pieces.
-        places: Written, as of `touching`; so the next four. `which` has the corner, the piece and the shape.
-        normals: Written.
-        gaps: Written.
-        which: Written.
-        ways: Written.
+        pieces: The pieces.
+        out: Written: the points; `which` has the corner, the face, the piece and the shape.
         pairs: Written: (shape, piece), shape (most, 2).
     """
-    out, k, found, total = (places, normals, gaps, which, ways), 0, 0, points.shape[1]
+    boxes, faces, vertices, _, loops, loop_at, _, begins = pieces
+    places, normals, gaps, which, ways = out
+    k, found, total = 0, 0, points.shape[1]
     above, group = np.empty(total), np.empty(total, np.int64)
-    pieces, carriers, parted = np.empty(len(boxes), np.int64), np.empty(len(boxes), np.int64), np.empty(len(boxes))
+    near_ones, carriers, parted = np.empty(len(boxes), np.int64), np.empty(len(boxes), np.int64), np.empty(len(boxes))
     c, up, x, above_all = np.empty(3), np.empty(3), np.empty(3), np.zeros(3)
     above_all[2] = 1.0
     for s in range(len(body)):
@@ -99,11 +91,7 @@ def _hulls(
             c[i] = o[i] + dot(Q[i], centres[s])
         candidates = 0
         for piece in range(len(boxes)):
-            box = boxes[piece]
-            if (
-                box[0] > c[0] + far or box[1] > c[1] + far or box[2] > c[2] + far
-                or box[3] < c[0] - far or box[4] < c[1] - far or box[5] < c[2] - far
-            ):  # fmt: skip
+            if clear_of(boxes[piece], c - far, c + far):
                 continue
             most = -np.inf
             for f in range(begins[piece, 0], begins[piece + 1, 0]):
@@ -129,10 +117,10 @@ def _hulls(
                 if best > margin:
                     break
             if best <= margin:
-                pieces[candidates], carriers[candidates], parted[candidates] = piece, carrier, best
+                near_ones[candidates], carriers[candidates], parted[candidates] = piece, carrier, best
                 candidates += 1
         for one in range(candidates):
-            f, piece = carriers[one], pieces[one]
+            f, piece = carriers[one], near_ones[one]
             n = faces[f, :3].copy()
             _turned(Q, n, up)
             level, size = dot(n, o) - faces[f, 3], 0
@@ -155,7 +143,7 @@ def _hulls(
                 elif above[i] <= near and not over:
                     over = True  # it hangs over the edge, unless another piece goes on there
                     for other in range(candidates):
-                        g, there = carriers[other], pieces[other]
+                        g, there = carriers[other], near_ones[other]
                         away = faces[g] - faces[f]
                         if dot(away, away) >= ALIKE * ALIKE or abs(away[3]) >= SAME_M:
                             continue
@@ -172,15 +160,10 @@ def _hulls(
     return k, found
 
 
-_READ = (array(2), array(2), array(2), array(2, COUNT), array(1, COUNT), array(1, COUNT), array(2), array(2, COUNT))
-_WRITTEN = (
-    array(2, written=True), array(2, written=True), array(1, written=True), array(2, COUNT, written=True),
-    array(2, written=True), array(2, COUNT, written=True),
-)  # fmt: skip
 hulls = compiled(
     _hulls,
     signature(
         (COUNT, COUNT), array(3), array(2), array(1, COUNT), array(2), array(1), array(1, FLAG), array(2), array(1, COUNT),
-        NUMBER, NUMBER, *_READ, *_WRITTEN,
+        NUMBER, NUMBER, POLYTOPES, SPOTS, array(2, COUNT, written=True),
     ),
 )  # fmt: skip

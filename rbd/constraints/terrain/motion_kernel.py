@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.terrain.touching_kernel import CROSSING, ON_PLATE, OTHER, UNDER, cross, dot
+from rbd.constraints.terrain.pieces import Plates, Spots
+from rbd.constraints.terrain.touching_kernel import CROSSING, ON_PLATE, OTHER, PLATES, SPOTS, UNDER, cross, dot
 from rbd.kernels import COUNT, array, compiled, signature
 
 NEAR_X = 0.9
@@ -30,24 +31,8 @@ def _axes(n: Array, dn: Array, x: Array, R: Array, dR: Array) -> None:
 
 
 def _rows(
-    places: Array,
-    normals: Array,
-    which: Array,
-    ways: Array,
-    body: Array,
-    carries: Array,
-    J_W: Array,
-    v: Array,
-    plates: Array,
-    at: Array,
-    ups: Array,
-    alongs: Array,
-    radii: Array,
-    gaps: Array,
-    axes: Array,
-    J: Array,
-    velocity: Array,
-    bias: Array,
+    found: Spots, plates: Plates, body: Array, carries: Array, J_W: Array, v: Array, alongs: Array,
+    axes: Array, J: Array, velocity: Array, bias: Array,
 ) -> None:
     """Rows of k points, three each, in contact axes; their normal is still on a face and turns with a plate or its edge.
 
@@ -59,25 +44,20 @@ def _rows(
     are those of edges that cross.
 
     Args:
-        places: Of the points, shape (k, 3), as `touching` left them with the next three.
-        normals: Shape (k, 3).
-        which: Shape (k, 6).
-        ways: Shape (k, 3).
+        found: The points, as `touching_kernel.touching` or `hull_kernel.hulls` left them.
+        plates: What they are on; of hulls single corners.
         body: The body of each plate, shape (plates,).
         carries: Which coordinates move each body, shape (bodies, nv).
         J_W: The joints' Jacobian at W's origin over its rate, shape (12, nv).
         v: Shape (nv,).
-        plates: Corners of the plates, shape (c, 3).
-        at: Where those of each begin.
-        ups: Shape (plates, 3).
         alongs: A direction in W for the first tangent of each plate, shape (plates, 3).
-        radii: Of balls about single corners, shape (plates,).
-        gaps: Of the points, shape (k,).
         axes: Written: R_WC, shape (k, 3, 3).
         J: Written: shape (3 k, nv).
         velocity: Written: shape (3 k,).
         bias: Written.
     """
+    places, normals, gaps, which, ways = found
+    corners, at, ups, radii = plates
     nv = len(v)
     moving, turning = np.zeros((len(carries), 12)), np.empty((3, 3))
     for b in range(len(carries)):
@@ -92,7 +72,7 @@ def _rows(
         a = A[:3] + cross(A[3:], P) + cross(w, v_P)
         u, dn, kind, first, size = np.zeros(3), np.zeros(3), which[k, 0], at[plate], at[plate + 1] - at[plate]
         i, way = which[k, 1], ways[k]
-        e = plates[first + (i + 1) % size] - plates[first + i] if size > 1 else u
+        e = corners[first + (i + 1) % size] - corners[first + i] if size > 1 else u
         if which[k, 4] == ON_PLATE:
             dn = cross(w, n)
         elif size == 1:
@@ -132,11 +112,11 @@ def _rows(
             velocity[row], bias[row] = dot(d, v_P), dot(d, a) + dot(turning[:, c], v_P)
 
 
+_READ, _LIST = array(2), array(1, written=True)
 rows = compiled(
     _rows,
     signature(
-        None, array(2), array(2), array(2, COUNT), array(2), array(1, COUNT), array(2), array(2), array(1), array(2),
-        array(1, COUNT), array(2), array(2), array(1), array(1), array(3, written=True), array(2, written=True),
-        array(1, written=True), array(1, written=True),
+        None, SPOTS, PLATES, array(1, COUNT), _READ, _READ, array(1), _READ,
+        array(3, written=True), array(2, written=True), _LIST, _LIST,
     ),
 )  # fmt: skip

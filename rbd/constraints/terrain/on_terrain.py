@@ -9,13 +9,13 @@ import numpy as np
 
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
-from rbd.constraints.terrain.touches import Touches, motion_kernel
+from rbd.constraints.surface import UP, cone_of
+from rbd.constraints.terrain.pieces import Plates
+from rbd.constraints.terrain.touches import Touches
 from rbd.model.state import State
-from rbd.problem.cones import Cone, FrictionCone, NonNegative
 
 BESIDE = 0.5
 """A point whose normal has less than this along a sole's is beside it, as at a riser."""
-UP = np.array([0.0, 0.0, 1.0])
 _KINDS = ("corner {} on", "outline {} over", "under it,", "outline {} nearest to")
 _BESIDE = ("corner {} beside", "outline {} beside", "beside", "outline {} beside")
 _MOST_STRUCTURES = 1000
@@ -55,7 +55,8 @@ class OnTerrain:
         ])  # fmt: skip
         self._flat = np.array([len(c.corners) > 2 for c in contacts])
         self.alone = len(contacts[0].corners) == 1
-        self._cones, self._names = tuple(_cone(c) for c in contacts), [c.name for c in contacts]
+        self._cones = tuple(cone_of(c.name, c.corners[:1], c.friction, c.facets) for c in contacts)
+        self._names, self._radii = [c.name for c in contacts], np.zeros(len(contacts))
         self._kept = np.array([[c.dim == 3, c.dim == 3, True] for c in self._cones])
         self._some = not self._kept.all()
         self._most = max(len(c.corners) for c in contacts)
@@ -79,7 +80,7 @@ class OnTerrain:
         R, p = state.joint_places(self.joints)
         plates = (R[self._of] @ self._arms[:, :, None])[:, :, 0] + p[self._of]
         ups = np.where(self._flat[:, None], (R[self._joint] @ self._ups[:, :, None])[:, :, 0], self._ups)
-        return Touches(self.terrain.polytopes, plates, self._at, ups, zeros(len(ups)), margin), R, p
+        return Touches.of(self.terrain.polytopes, Plates(plates, self._at, ups, self._radii), margin), R, p
 
     def gaps(self, state: State, t: float) -> Array:
         """The gaps of `at`."""
@@ -88,16 +89,12 @@ class OnTerrain:
     def at(self, state: State, t: float) -> Measured:
         """Their points at a state."""
         found, R, p = self.touches(state)
-        nv, k, plate, P = len(state.v), len(found.gaps), found.which[:, 5], found.places
-        axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
-        motion_kernel().rows(
-            P, found.normals, found.which, found.ways, self._joint, self._carries, state.joint_motion(self.joints)[2], state.v,
-            found.plates, self._at, found.ups, self._alongs, zeros(len(self.contacts)), found.gaps, axes, J, velocity, bias,
-        )  # fmt: skip
+        plate, P = found.which[:, 5], found.places
+        axes, J, velocity, bias = found.rows(state, self.joints, self._joint, self._carries, self._alongs)
         kept = np.flatnonzero(self._kept[plate].ravel()) if self._some else slice(None)
         arms = None if self.alone else P - ((R[self._joint] @ self._centres[:, :, None])[:, :, 0] + p[self._joint])[plate]
         return Measured(
-            self._structure(found), J[kept], velocity[kept], bias[kept], found.gaps, zeros(3 * k)[kept],
+            self._structure(found), J[kept], velocity[kept], bias[kept], found.gaps, zeros(len(J))[kept],
             None, arms, P, axes,
         )  # fmt: skip
 
@@ -120,7 +117,7 @@ class OnTerrain:
         known = self._seen.get(key)
         if known is None:
             numbers, owners = list[int](), list[int]()
-            steep = self._flat[found.which[:, 5]] & (np.vecdot(found.normals, found.ups[found.which[:, 5]]) < BESIDE)
+            steep = self._flat[found.which[:, 5]] & (np.vecdot(found.normals, found.plates.ups[found.which[:, 5]]) < BESIDE)
             for (kind, i, j, piece, _, plate), beside in zip(found.which.tolist(), steep.tolist(), strict=True):
                 at = self.terrain.plane(piece, j) if kind == 0 else piece
                 if kind == 0 and not beside and self._first.setdefault((plate, i), at) == at:
@@ -138,6 +135,7 @@ class OnTerrain:
         return known
 
 
-def _cone(contact: Any) -> Cone:
-    mu = contact.on.friction if contact.on.friction is not None else contact.friction
-    return mu if isinstance(mu, Cone) else FrictionCone(float(mu), int(contact.facets)) if mu else NonNegative(1)
+def rests(label: str, part: Sequence[int] | None) -> bool:
+    """Whether a point with this label is under its contact, or under some of its corners."""
+    kind, number, *_ = label.split()
+    return "beside" not in label and (part is None or (kind == "corner" and int(number) in part))

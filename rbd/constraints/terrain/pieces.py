@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, check_number, locked
+from rbd.arrays import Array, as_finite, check_number, locked
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import across
 from rbd.errors import InputError
-from rbd.model.meshes import solid_hull
+from rbd.model.meshes import flat_faces, solid_hull
+from rbd.model.placement import rigid_placement
 from rbd.problem.ground import Ground
 
 ON_FACE = 1e-9
@@ -73,18 +74,16 @@ class Piece:
 
     def tops(self, xy: Array) -> Array:
         """Height of its upper side at places (..., 2) [m]; -inf beside it."""
-        out, beside = np.full(xy.shape[:-1], np.inf), np.zeros(xy.shape[:-1], bool)
+        top, low, beside = np.full(xy.shape[:-1], np.inf), np.full(xy.shape[:-1], -np.inf), np.zeros(xy.shape[:-1], bool)
         for x, y, z, d in self.faces.tolist():
             level = d - x * xy[..., 0] - y * xy[..., 1]
             if z > 1e-9:
-                out = np.minimum(out, level / z)
-            elif z >= -1e-9:
+                top = np.minimum(top, level / z)
+            elif z < -1e-9:
+                low = np.maximum(low, level / z)
+            else:
                 beside |= level < -1e-9
-        low = np.full(out.shape, -np.inf)
-        for x, y, z, d in self.faces.tolist():
-            if z < -1e-9:
-                low = np.maximum(low, (d - x * xy[..., 0] - y * xy[..., 1]) / z)
-        return np.where(beside | (low > out + 1e-9) | np.isposinf(out), -np.inf, out)
+        return np.where(beside | (low > top + 1e-9) | np.isposinf(top), -np.inf, top)
 
 
 def half_space(name: str, ground: Ground) -> Piece:
@@ -104,8 +103,7 @@ def polytope(name: str, corners: Array, faces: Array | None = None) -> Piece:
         except ValueError as error:
             raise InputError(f"piece {name!r:.80} of a terrain {error}; expected a solid.") from None
         corners = corners[hull.vertices]
-        first = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)[1]
-        faces = np.column_stack([hull.equations[:, :3], -hull.equations[:, 3]])[np.sort(first)]
+        faces = flat_faces(hull)
         faces[:, 3] = (corners @ faces[:, :3].T).max(axis=0)
     size = float(np.ptp(corners, axis=0).max())
     loops = []
@@ -120,7 +118,7 @@ def piece_of(name: str, given: object) -> Piece | Heights:
     """A piece as users give it: a ground, a piece or a grid of heights that was made, a shape, or a shape and its pose.
 
     Raises:
-        InputError: what is none of these, a moving ground, or a shape that is round.
+        InputError: another object, a moving ground, or a round shape.
     """
     if isinstance(given, Heights | Piece):
         return given
@@ -136,7 +134,7 @@ def piece_of(name: str, given: object) -> Piece | Heights:
             f"piece {name!r:.80} of a terrain is {given!r:.80}; expected rbd.Ground(point=..., normal=...), a shape such as "
             "coal.Box(x, y, z), or (shape, pin.SE3), in W."
         )
-    X = _pose(name, X)
+    X = pose_of(name, X)
     if isinstance(shape, coal.Plane | coal.Halfspace):
         n = X.rotation @ np.asarray(shape.n)
         return Piece(name, np.array([[*n, float(shape.d) + float(n @ X.translation)]]), np.zeros((0, 3)), ((),))
@@ -156,17 +154,15 @@ def piece_of(name: str, given: object) -> Piece | Heights:
     return polytope(name, placed, np.column_stack([N, faces[:, 3] + N @ X.translation]) if len(faces) else None)
 
 
-def _pose(name: str, X: object) -> pin.SE3:
-    if X is None:
-        return pin.SE3.Identity()
-    if isinstance(X, pin.SE3):
-        return X
-    given = as_array(f"pose of piece {name!r:.80} of a terrain", X)
-    if given.shape == (3,):
-        return pin.SE3(np.eye(3), as_finite("its place", given, (3,)))
-    if given.shape != (4, 4) or not np.allclose(given[:3, :3] @ given[:3, :3].T, np.eye(3), atol=1e-6):
-        raise InputError(f"pose of piece {name!r:.80} has shape {given.shape}; expected pin.SE3, 4 x 4, or a place (3,) in W.")
-    return pin.SE3(given[:3, :3], given[:3, 3])
+def pose_of(name: str, X: Any) -> pin.SE3:
+    """The pose of a piece, which may be given by its place alone.
+
+    Raises:
+        InputError: it is no rigid placement.
+    """
+    if np.shape(X) == (3,):
+        return pin.SE3(np.eye(3), as_finite(f"place of piece {name!r:.80} of a terrain", X, (3,)))
+    return rigid_placement(f"pose of piece {name!r:.80} of a terrain", X)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +239,18 @@ class Heights:
 
 
 class Polytopes(NamedTuple):
-    """Pieces side by side, as `rbd.constraints.terrain.touching_kernel` reads them."""
+    """Pieces side by side, for compiled functions.
+
+    Attributes:
+        boxes: Lowest and highest x, y, z of each piece, shape (pieces, 6) [m].
+        faces: (N, d) of all pieces, shape (f, 4).
+        vertices: Their corners, shape (v, 3) [m].
+        edges: Of each edge the two corners and the two faces, by numbers within the piece, shape (e, 4).
+        loops: Corners of each face in order, seen from outside counterclockwise, by numbers within the piece.
+        loop_at: Where those of each face begin, shape (f + 1,).
+        dirs: The different directions of edges, shape (d, 3).
+        begins: Where faces, corners, edges and directions of each piece begin, shape (pieces + 1, 4).
+    """
 
     boxes: Array
     faces: Array
@@ -270,3 +277,37 @@ class Polytopes(NamedTuple):
             np.concatenate([np.zeros((0, 3)), *directions]),
             np.vstack([np.zeros((1, 4), int), np.cumsum(np.reshape(counts, (-1, 4)), axis=0)]).astype(int),
         )
+
+
+class Spots(NamedTuple):
+    """k points at which something touches pieces, for compiled functions.
+
+    Attributes:
+        places: On what touches, in W, shape (k, 3) [m].
+        normals: Out of the terrain, shape (k, 3).
+        gaps: Along them, shape (k,) [m].
+        which: Kind, two numbers, piece, `ON_FACE`, `ON_PLATE` or `EDGES`, plate or shape, shape (k, 6); see `touching_kernel`.
+        ways: Of an outline over an edge, across that edge on a face, else along it, shape (k, 3).
+    """
+
+    places: Array
+    normals: Array
+    gaps: Array
+    which: Array
+    ways: Array
+
+
+class Plates(NamedTuple):
+    """Plates and balls at one state, for compiled functions.
+
+    Attributes:
+        corners: Of all, in W, shape (c, 3) [m].
+        at: Where those of each begin, and c, shape (plates + 1,).
+        ups: Out of the ground, shape (plates, 3).
+        radii: Of a ball about a single corner [m], shape (plates,); zero of others.
+    """
+
+    corners: Array
+    at: Array
+    ups: Array
+    radii: Array

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import copy
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, locked
-from rbd.constraints.surface import Counterpart, anchor_of, cone_of, contact_axes
+from rbd.constraints.surface import UP, cone_of
 from rbd.constraints.terrain.on_terrain import BESIDE, OnTerrain
 from rbd.constraints.terrain.touches import Touches
 from rbd.errors import InputError
@@ -38,7 +38,7 @@ def resting_rows(contact: Any, state: State) -> Rows:
     deep = np.flatnonzero(found.gaps < -TOUCHES)
     if len(deep):
         inside = [(source.name_of(found, int(m)), -float(found.gaps[m])) for m in deep]
-        object.__setattr__(rows, "overlaps", tuple(inside))
+        rows = replace(rows, overlaps=tuple(inside))
     return rows
 
 
@@ -61,7 +61,7 @@ def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
     found, R, p = source.touches(state, TOUCHES)
     X_WP = pin.SE3(R[0], p[0]) * source.placements[0]
     k = len(contact.corners)
-    up = X_WP.rotation[:, 2] if k > 2 else np.array([0.0, 0.0, 1.0])
+    up = X_WP.rotation[:, 2] if k > 2 else UP
     under = np.flatnonzero(found.normals @ up > BESIDE)
     if not len(under):
         below = contact.on.ground_at(*X_WP.translation[:2].tolist())
@@ -88,17 +88,11 @@ def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
 @lru_cache(maxsize=1024)
 def _on_plane(contact: Any, normal: tuple[float, ...], height: float, corners: bytes, k: int) -> Any:
     n = np.array(normal)
-    ground = Ground(point=height * n, normal=n / np.linalg.norm(n))
-    if len(contact.corners) == 1:
-        return contact._again(on=ground)
+    out = contact._again(on=Ground(point=height * n, normal=n / np.linalg.norm(n)))
+    if k < 2 or len(contact.corners) == 1:
+        return out
     own: Array = locked(np.frombuffer(corners).reshape(k, 3).copy())
     if len(contact.corners) == 2:
-        return contact._again(on=ground, corners=own) if k == 2 else contact._again(on=ground)
-    out = copy.copy(contact)
-    X_S0 = anchor_of(contact.name, contact.anchor, point=False)
-    out.__dict__.update(
-        on=ground, plane=ground, corners=own, cone=cone_of(contact.name, own, contact.friction, contact.facets),
-        _touched=Counterpart(contact.name, ground, X_S0), _axes=contact_axes(n), _upright=False,
-        _reach=np.inf if own[:, 2].any() else float(np.linalg.norm(own, axis=1).max()),
-    )  # fmt: skip
+        return out._again(corners=own)
+    out.__dict__.update(corners=own, cone=cone_of(contact.name, own, contact.friction, contact.facets))
     return out

@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from copy import copy
-from functools import cache
-from types import ModuleType
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, zeros
+from rbd.arrays import Array
 from rbd.constraints.contact_kinematics import Between, Touching, points_of_pair
-from rbd.constraints.convex.closest_points import meeting_at, nearest_points
+from rbd.constraints.convex.closest_points import meeting
 from rbd.constraints.convex.convex_shapes import ConvexShape, polyhedron
-from rbd.constraints.terrain.pieces import Piece
+from rbd.constraints.surface import UP
+from rbd.constraints.terrain.pieces import Piece, Plates, Spots
 from rbd.constraints.terrain.terrain import Terrain
-from rbd.constraints.terrain.touches import Touches, motion_kernel
+from rbd.constraints.terrain.touches import Touches, filled, kernel
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 NEAR_M = 0.01
 """A hull this near to an edge of a piece is a pair for Coal's distance."""
+_X = np.array([1.0, 0.0, 0.0])
 _ROOM = 256
 """Points and pairs for which there is room at first."""
 
@@ -39,18 +39,17 @@ class OnPieces:
     """
 
     def __init__(self, robot: CheckedModel, shapes: Sequence[ConvexShape], terrain: Terrain) -> None:
-        self.robot, self.shapes, self.terrain = robot, tuple(shapes), terrain
+        self.robot, self.terrain = robot, terrain
         self.joints = sorted({shape.joint for shape in shapes})
         of = np.array([self.joints.index(shape.joint) for shape in shapes])
         self._carries = np.array([robot.joints.carrying(joint) for joint in self.joints])
         balls = [(i, j) for i, shape in enumerate(shapes) for j, part in enumerate(shape.rounds) if part.is_ball]
-        self._ball_shape = np.array([i for i, _ in balls], int)
         self._ball_names = [f"{shapes[i].name}:{len(shapes[i].vertices) + j}" for i, j in balls]
         parts = [shapes[i].rounds[j] for i, j in balls]
         self._balls, self._radii = np.array([b.centre for b in parts]).reshape(-1, 3), np.array([b.reach for b in parts])
         hulls = [i for i, shape in enumerate(shapes) if len(shape.vertices) or not all(part.is_ball for part in shape.rounds)]
         self._hulls = [shapes[i] for i in hulls]
-        self._body, self._ball_body = of[hulls].astype(int), of[self._ball_shape].astype(int)
+        self._body, self._ball_body = of[hulls].astype(int), of[[i for i, _ in balls]].astype(int)
         corners = [shape.vertices for shape in self._hulls]
         self._points = np.ascontiguousarray(np.concatenate([np.zeros((0, 3)), *corners]).T)
         self._at = np.concatenate([[0], np.cumsum([len(x) for x in corners])]).astype(int)
@@ -58,6 +57,8 @@ class OnPieces:
             np.array([s.centre for s in self._hulls]).reshape(-1, 3), np.array([s.reach for s in self._hulls]),
             np.array([not all(part.is_ball for part in s.rounds) for s in self._hulls], bool),
         )  # fmt: skip
+        self._of_balls = _single(self._radii)
+        self._still = Plates(np.zeros((len(hulls), 3)), *_single(np.zeros(len(hulls))))
         self._prepare()
 
     def _prepare(self) -> None:
@@ -82,50 +83,42 @@ class OnPieces:
         parts = []
         if len(self._radii):
             centres = (R[self._ball_body] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_body]
-            at, ups = np.arange(len(centres) + 1), np.tile([0.0, 0.0, 1.0], (len(centres), 1))
-            found = Touches(self.terrain.polytopes, centres, at, ups, self._radii, margin)
-            parts += self._rows(state, found, self._ball_body, self._radii, self._ball_names, centres)
+            found = Touches.of(self.terrain.polytopes, Plates(centres, *self._of_balls), margin)
+            parts += self._rows(state, found, self._ball_body, self._ball_names)
         if self._hulls:
             found, pairs = self._corners(R, p, margin)
-            names = [shape.name for shape in self._hulls]
-            parts += self._rows(state, found, self._body, zeros(len(names)), names, None)
+            parts += self._rows(state, found, self._body, [shape.name for shape in self._hulls])
             parts += self._crossing(state, R, p, pairs, margin)
         return parts
 
     def _corners(self, R: Array, p: Array, margin: float) -> tuple[Touches, Array]:
+        """(corners of hulls over faces, pairs of a hull and a piece that may touch across an edge)."""
         centres, reach, rims = self._bounds
         places = (R[self._body] @ centres[:, :, None])[:, :, 0] + p[self._body]
-        far = float(reach.max()) + margin
-        arrays, most, k = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far), _ROOM, -1
-        out = object.__new__(Touches)
-        while k < 0:
-            spots, normals, ways = np.empty((3, most, 3))
-            gaps, which, pairs = np.empty(most), np.zeros((most, 6), int), np.empty((most, 2), int)
-            k, n = _hull_kernel().hulls(
-                np.ascontiguousarray(R), np.ascontiguousarray(p), self._body, centres, reach, rims, self._points, self._at,
-                margin, NEAR_M, *arrays, spots, normals, gaps, which, ways, pairs,
-            )  # fmt: skip
-            most *= 4
-        out.places, out.normals, out.gaps, out.which, out.ways = (x[:k] for x in (spots, normals, gaps, which, ways))
-        return out, pairs[:n]
+        far, pairs = float(reach.max()) + margin, np.empty((0, 2), int)
+        arrays = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far)
+        R, p = np.ascontiguousarray(R), np.ascontiguousarray(p)
 
-    def _rows(
-        self, state: State, found: Touches, body: Array, radii: Array, names: Sequence[str], centres: Array | None
-    ) -> list[Touching]:
+        def run(out: Spots) -> int:
+            nonlocal pairs
+            pairs = np.empty((len(out.gaps), 2), int)
+            k, n = kernel("hull").hulls(
+                R, p, self._body, centres, reach, rims, self._points, self._at, margin, NEAR_M, arrays, out, pairs
+            )
+            pairs = pairs[:n]
+            return int(k)
+
+        return Touches(self._still, filled(_ROOM, run)), pairs
+
+    def _rows(self, state: State, found: Touches, body: Array, names: Sequence[str]) -> list[Touching]:
         """The rows of points on pieces, if there are any."""
-        k, nv, plates = len(found.gaps), len(state.v), len(body)
+        k, hulls = len(found.gaps), found.plates is self._still
         if not k:
             return []
-        axes, J, velocity, bias = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
-        still = np.zeros((plates, 3)) if centres is None else centres
-        motion_kernel().rows(
-            found.places, found.normals, found.which, found.ways, body, self._carries, state.joint_motion(self.joints)[2],
-            state.v, still, np.arange(plates + 1), still, np.tile([1.0, 0.0, 0.0], (plates, 1)), radii, found.gaps,
-            axes, J, velocity, bias,
-        )  # fmt: skip
+        axes, J, velocity, bias = found.rows(state, self.joints, body, self._carries, np.tile(_X, (len(body), 1)))
         numbers = np.empty(k, int)
         for m, (kind, i, j, piece, _, plate) in enumerate(found.which.tolist()):
-            name = names[plate] if centres is not None else f"{names[plate]}:{i}"
+            name = f"{names[plate]}:{i}" if hulls else names[plate]
             # A ball on an edge is the point that it was on the face before.
             at = self.terrain.plane(piece, j) if kind == 0 else self._faces.get((name, piece), self.terrain.plane(piece, -1))
             self._faces[name, piece] = at
@@ -139,10 +132,9 @@ class OnPieces:
             shape, solid = self._hulls[s], self._solid(piece)
             b = int(self._body[s])
             X, still = pin.SE3(R[b], p[b]), pin.SE3.Identity()
-            near = nearest_points(shape, X, solid, still)
-            if near.gap > margin:
+            met = meeting(shape, X, solid, still, margin)
+            if met is None:
                 continue
-            met = meeting_at(near, shape, X, solid, still, margin)
             numbers = []
             for at in met.crossings:
                 numbers.append(self._number((at.name, "edge", times[at.name])))
@@ -162,8 +154,6 @@ class OnPieces:
         return self._numbers.setdefault(key, len(self._numbers))
 
 
-@cache
-def _hull_kernel() -> ModuleType:
-    from rbd.constraints.terrain import hull_kernel
-
-    return hull_kernel
+def _single(radii: Array) -> tuple[Array, Array, Array]:
+    """What `Plates` has of single corners: where they begin, directions that none has, and radii."""
+    return np.arange(len(radii) + 1), np.tile(UP, (len(radii), 1)), radii

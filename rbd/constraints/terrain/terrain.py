@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, locked
-from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Polytopes, piece_of
+from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Plates, Polytopes, piece_of
 from rbd.constraints.terrain.terrain_files import file_path, mesh_pieces, world_pieces
 from rbd.constraints.terrain.touches import Touches
 from rbd.displayed import Displayed
@@ -81,8 +82,6 @@ class Terrain(Displayed):
             >>> rbd.Terrain.boxes([(-1, -1, -0.5), (0, 1, 0)], [(0, -1, -0.5), (1, 1, 0.1)]).names
             ('box 0', 'box 1')
         """
-        import coal
-
         out: dict[str, object] = {}
         for i, given in enumerate(ends):
             low, high = as_finite(f"ends of box {i}", given, (2, 3))
@@ -179,7 +178,7 @@ class Terrain(Displayed):
             InputError: a file that cannot be read; a part that is not convex.
         """
         check_number("scale of a mesh", scale, ABOVE_ZERO, 1e6, expected="a number > 0")
-        return cls(mesh_pieces(file_path(path), pin.SE3.Identity() if pose is None else pose, float(scale)), friction)
+        return cls(mesh_pieces(file_path(path), pose, float(scale)), friction)
 
     @classmethod
     def read(cls, path: str | Path, *, friction: float | None = None, package_dirs: Sequence[str | Path] = ()) -> Terrain:
@@ -260,8 +259,9 @@ class Terrain(Displayed):
         Args:
             points: In W, shape (k, 3) [m].
         """
-        P, at, up = as_finite("points", points, ("k", 3)), np.arange(2), np.array([[0.0, 0.0, 1.0]])
-        out = np.array([Touches(self.polytopes, p[None], at, up, np.zeros(1), 1e6).gaps.min(initial=np.inf) for p in P])
+        P, point = as_finite("points", points, ("k", 3)), (np.arange(2), np.array([[0.0, 0.0, 1.0]]), np.zeros(1))
+        each = (Touches.of(self.polytopes, Plates(np.array(p[None]), *point), 1e6) for p in P)
+        out = np.array([found.gaps.min(initial=np.inf) for found in each])
         within = np.min([piece.depths(P) for piece in self._pieces], axis=0)  # where pieces meet they have no surface
         return np.where(np.isinf(out) & (within <= 0.0), within, out)
 

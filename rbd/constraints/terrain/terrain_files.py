@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.terrain.pieces import Heights
+from rbd.constraints.terrain.pieces import Heights, Piece, polytope, pose_of
 from rbd.errors import InputError, ModelError
 from rbd.model.files import build_model, read
 from rbd.model.input_files import check_mesh, is_file
-from rbd.model.meshes import load_geometry, solid_hull
+from rbd.model.meshes import load_geometry
 from rbd.model.mjcf.reading import WORLD, Grid, Mjcf
 
 CONVEX = 1e-4
@@ -27,15 +27,15 @@ def file_path(given: object) -> Path:
     """A path as users give it.
 
     Raises:
-        InputError: what is none.
+        InputError: another object.
     """
     if not isinstance(given, str | Path):
         raise InputError(f"path is {given!r:.80}; expected the name of a file.")
     return Path(given)
 
 
-def mesh_pieces(path: Path, pose: pin.SE3, scale: float) -> dict[str, object]:
-    """{name: (hull, pose)} of the connected parts of a mesh, each of which is convex.
+def mesh_pieces(path: Path, pose: pin.SE3 | None, scale: float) -> dict[str, object]:
+    """{name: piece} of the connected parts of a mesh, each of which is convex.
 
     Raises:
         InputError: a file that cannot be read, or a part that is not convex.
@@ -55,12 +55,9 @@ def mesh_pieces(path: Path, pose: pin.SE3, scale: float) -> dict[str, object]:
     triangles = same.ravel()[triangles]
     out: dict[str, object] = {}
     for k, part in enumerate(_connected(triangles, len(corners))):
-        own = triangles[part]
         name = f"{path.stem} {k}"
-        _check_convex(name, corners, own)
-        points = coal.StdVec_Vec3s()
-        points.extend(list(corners[np.unique(own)]))
-        out[name] = coal.Convex.convexHull(points, False, ""), pose
+        X = pose_of(name, pose)
+        out[name] = _convex(name, corners @ X.rotation.T + X.translation, triangles[part])
     return out
 
 
@@ -75,25 +72,19 @@ def _connected(triangles: Array, n: int) -> Iterator[Array]:
         yield np.flatnonzero(of[triangles[:, 0]] == part)
 
 
-def _check_convex(name: str, corners: Array, triangles: Array) -> None:
-    """Refuse a part some of whose corners are inside its hull, or whose triangles cut through it."""
+def _convex(name: str, corners: Array, triangles: Array) -> Piece:
+    """The hull of a part, refused if some of its corners are inside, or its triangles cut through it."""
     own = corners[np.unique(triangles)]
-    try:
-        hull = solid_hull(own)
-    except ValueError as error:
-        raise InputError(f"part {name!r:.80} of a mesh {error}; expected a solid.") from None
-    size = float(np.ptp(own, axis=0).max())
-    a, b, c = (corners[triangles[:, i]] for i in range(3))
-    middles = np.concatenate([own, (a + b + c) / 3.0])
-    depth = max(
-        float((-(block @ hull.equations[:, :3].T + hull.equations[:, 3])).min(axis=1).max(initial=0.0))
-        for block in np.split(middles, range(_BLOCK, len(middles), _BLOCK))
-    )
-    if depth > CONVEX * size:
+    piece = polytope(name, own)
+    middles = np.concatenate([own, corners[triangles].mean(axis=1)])
+    blocks = np.split(middles, range(_BLOCK, len(middles), _BLOCK))
+    depth = max(float(-piece.depths(block).min(initial=0.0)) for block in blocks)
+    if depth > CONVEX * float(np.ptp(own, axis=0).max()):
         raise InputError(
             f"part {name!r:.80} of a mesh is not convex: its surface goes {depth:.4g} m below that of its hull. Give it in "
             "convex parts, e.g. of a convex decomposition."
         )
+    return piece
 
 
 def world_pieces(path: Path, folders: Sequence[Path]) -> dict[str, object]:

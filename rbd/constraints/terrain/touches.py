@@ -1,15 +1,17 @@
-"""What flat plates touch of convex pieces at one state, by the compiled functions."""
+"""What plates, balls and hulls touch of convex pieces at one state, and the rows of these points, by the compiled functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
+from importlib import import_module
 from types import ModuleType
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.terrain.pieces import Polytopes
+from rbd.constraints.terrain.pieces import Plates, Polytopes, Spots
+from rbd.model.state import State
 
 _ROOM = 64
 """Points of one plate for which there is room at first."""
@@ -19,45 +21,58 @@ class Touches:
     """What plates touch at one state: k points.
 
     Attributes:
+        plates: The plates.
+        spots: The points; so the next four.
         places: On the plates, in W, shape (k, 3) [m].
         normals: Out of the terrain, shape (k, 3).
         gaps: Along them, shape (k,) [m].
-        which: Kind, two numbers, piece, - and plate of each, shape (k, 6); see `touching_kernel`.
+        which: As of `Spots`.
     """
 
-    __slots__ = ("gaps", "normals", "places", "plates", "ups", "ways", "which")
+    __slots__ = ("gaps", "normals", "places", "plates", "spots", "which")
 
-    def __init__(
-        self,
-        pieces: Callable[[Array, Array], Polytopes],
-        plates: Array,
-        at: Array,
-        ups: Array,
-        radii: Array,
-        margin: float,
-    ) -> None:
-        far = margin + float(radii.max(initial=0.0))
-        low, high = plates.min(axis=0) - far, plates.max(axis=0) + far
-        arrays, most, k = pieces(low, high), _ROOM * len(ups), -1
-        while k < 0:  # where many pieces are near, with more room
-            places, normals, ways = np.empty((3, most, 3))
-            gaps, which, most = np.empty(most), np.zeros((most, 6), int), 4 * most
-            k = kernel().touching(plates, at, ups, radii, margin, *arrays, places, normals, gaps, which, ways)
-        self.places, self.normals, self.gaps, self.which, self.ways = (x[:k] for x in (places, normals, gaps, which, ways))
-        self.plates, self.ups = plates, ups
+    def __init__(self, plates: Plates, spots: Spots) -> None:
+        self.plates, self.spots = plates, spots
+        self.places, self.normals, self.gaps, self.which, _ = spots
+
+    @classmethod
+    def of(cls, pieces: Callable[[Array, Array], Polytopes], plates: Plates, margin: float) -> Touches:
+        """What is nearer than a margin [m], of the pieces in a box of x and y."""
+        far = margin + float(plates.radii.max(initial=0.0))
+        arrays = pieces(plates.corners.min(axis=0) - far, plates.corners.max(axis=0) + far)
+        touching = kernel("touching").touching
+        return cls(plates, filled(_ROOM * len(plates.ups), lambda out: int(touching(plates, margin, arrays, out))))
+
+    def rows(
+        self, state: State, joints: Sequence[int], body: Array, carries: Array, alongs: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """(R_WC (k, 3, 3), J (3k, nv), J v and J_dot v (3k,)) of the points, three rows each, in contact axes.
+
+        Args:
+            state: Where they were found.
+            joints: Of the bodies.
+            body: The body of each plate, shape (plates,).
+            carries: Which coordinates move each body, shape (bodies, nv).
+            alongs: A direction in W for the first tangent of each plate, shape (plates, 3).
+        """
+        k, nv = len(self.gaps), len(state.v)
+        out = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
+        J_W = state.joint_motion(joints)[2]
+        kernel("motion").rows(self.spots, self.plates, body, carries, J_W, state.v, alongs, *out)
+        return out
+
+
+def filled(most: int, run: Callable[[Spots], int]) -> Spots:
+    """The points that a compiled function writes: with four times the room where it finds none for all of them."""
+    k = -1
+    while k < 0:
+        places, normals, ways = np.empty((3, most, 3))
+        out = Spots(places, normals, np.empty(most), np.zeros((most, 6), int), ways)
+        k, most = run(out), 4 * most
+    return Spots(*(x[:k] for x in out))
 
 
 @cache
-def kernel() -> ModuleType:
-    """The compiled functions, which are compiled or read from the disk when they are first asked for."""
-    from rbd.constraints.terrain import touching_kernel
-
-    return touching_kernel
-
-
-@cache
-def motion_kernel() -> ModuleType:
-    """The compiled functions of the points' motion."""
-    from rbd.constraints.terrain import motion_kernel as compiled_functions
-
-    return compiled_functions
+def kernel(name: str) -> ModuleType:
+    """Compiled functions, which are compiled or read from the disk when they are first asked for."""
+    return import_module(f"rbd.constraints.terrain.{name}_kernel")

@@ -21,7 +21,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import SAME_M
-from rbd.kernels import COUNT, NUMBER, array, compiled, signature
+from rbd.constraints.terrain.pieces import Plates, Polytopes, Spots
+from rbd.kernels import COUNT, NUMBER, array, compiled, record, signature
 
 CORNER, CROSSING, UNDER, OTHER = 0, 1, 2, 3
 """Kinds of points: a corner of the plate; its outline over an edge; a corner of the piece under it; the nearest pair.
@@ -106,7 +107,7 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
 
 
 @compiled
-def _put(k: int, x: Array, n: Array, gap: float, label: tuple[int, int, int], way: Array, out: tuple[Array, ...]) -> int:
+def _put(k: int, x: Array, n: Array, gap: float, label: tuple[int, int, int], way: Array, out: Spots) -> int:
     """Adds a point to those of this piece, unless it is among them; the new number of points.
 
     The piece's own points begin at `which[k, 4]`.
@@ -166,7 +167,7 @@ def wall(n: Array, a: Array, b: Array) -> Array:
 
 @compiled
 def _over(
-    k: int, P: Array, number: int, face: Array, loop: Array, vertices: Array, margin: float, out: tuple[Array, ...]
+    k: int, P: Array, number: int, face: Array, loop: Array, vertices: Array, margin: float, out: Spots
 ) -> int:
     """The part of a plate over a face: its corners, crossings of its outline with the face's edges, corners of the face."""
     n, edges = face[:3].copy(), len(loop)
@@ -207,7 +208,7 @@ def _under(
     vertices: Array,
     edges: Array,
     margin: float,
-    out: tuple[Array, ...],
+    out: Spots,
 ) -> int:
     """The part of a piece under a plate: its corners, its edges under the plate's outline; and corners of the plate over it."""
     size, level, middle = len(P), dot(up, P[0]), np.zeros(3)
@@ -269,7 +270,7 @@ def _ends(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
 
 @compiled
 def _nearest(
-    k: int, P: Array, vertices: Array, edges: Array, best: float, n: Array, margin: float, out: tuple[Array, ...]
+    k: int, P: Array, vertices: Array, edges: Array, best: float, n: Array, margin: float, out: Spots
 ) -> int:
     """The nearest points of an outline and a piece's edges: apart, or crossing along a normal n with a distance `best`."""
     size, least = len(P), np.inf
@@ -294,7 +295,7 @@ def _nearest(
 
 
 @compiled
-def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: float, out: tuple[Array, ...]) -> int:
+def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: float, out: Spots) -> int:
     """Adds the points of a plate with one piece; their number."""
     faces, vertices, edges, loops, starts, dirs = piece
     n, size = np.empty(3), len(P)
@@ -318,63 +319,37 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
     return k
 
 
-def _touching(
-    plates: Array,
-    at: Array,
-    ups: Array,
-    radii: Array,
-    margin: float,
-    boxes: Array,
-    faces: Array,
-    vertices: Array,
-    edges: Array,
-    loops: Array,
-    loop_at: Array,
-    dirs: Array,
-    begins: Array,
-    places: Array,
-    normals: Array,
-    gaps: Array,
-    which: Array,
-    ways: Array,
-) -> int:
+@compiled
+def clear_of(box: Array, low: Array, high: Array) -> bool:
+    """Whether a piece's box and another one have no common point."""
+    return bool(
+        box[0] > high[0] or box[1] > high[1] or box[2] > high[2] or box[3] < low[0] or box[4] < low[1] or box[5] < low[2]
+    )
+
+
+def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> int:
     """The points of plates with all pieces that are nearer than a margin; how many, or -1 if there is no room for them.
 
     Args:
-        plates: Corners of all plates, shape (k, 3) [m].
-        at: Where those of each begin, and k, shape (plates + 1,).
-        ups: Out of the ground, shape (plates, 3).
-        radii: Of a ball about a single corner [m], shape (plates,); zero of others.
+        plates: The plates.
         margin: [m].
-        boxes: Lowest and highest x, y, z of each piece, shape (pieces, 6).
-        faces: (N, d) of all pieces, shape (f, 4).
-        vertices: Their corners, shape (v, 3).
-        edges: Of each edge the two corners and the two faces, by numbers within the piece, shape (e, 4).
-        loops: Corners of each face in order, seen from outside counterclockwise, by numbers within the piece.
-        loop_at: Where those of each face begin, shape (f + 1,).
-        dirs: The different directions of edges, shape (d, 3).
-        begins: Where faces, corners, edges and directions of each piece begin, shape (pieces + 1, 4).
-        places: Written: points, on the plate, shape (most, 3).
-        normals: Written: shape (most, 3).
-        gaps: Written: shape (most,).
-        which: Written: kind, two numbers, piece, `ON_FACE`, `ON_PLATE` or `EDGES`, plate, shape (most, 6).
-        ways: Written: of an outline over an edge, across that edge on a face, else along it, shape (most, 3).
+        pieces: The pieces.
+        out: Written: the points.
     """
-    k, out = 0, (places, normals, gaps, which, ways)
+    corners, at, ups, radii = plates
+    boxes, faces, vertices, edges, loops, loop_at, dirs, begins = pieces
+    places, normals, gaps, which, _ = out
+    k = 0
     low, high = np.empty(3), np.empty(3)
     for plate in range(len(ups)):
-        P, up, begin, radius = plates[at[plate] : at[plate + 1]], ups[plate], k, radii[plate]
+        P, up, begin, radius = corners[at[plate] : at[plate + 1]], ups[plate], k, radii[plate]
         far = margin + radius
         for c in range(3):
             low[c], high[c] = np.inf, -np.inf
             for p in P:
                 low[c], high[c] = min(low[c], p[c] - far), max(high[c], p[c] + far)
         for i in range(len(boxes)):
-            box = boxes[i]
-            if (
-                box[0] > high[0] or box[1] > high[1] or box[2] > high[2]
-                or box[3] < low[0] or box[4] < low[1] or box[5] < low[2]
-            ):  # fmt: skip
+            if clear_of(boxes[i], low, high):
                 continue
             f, v, e, d = begins[i]
             f_end, v_end, e_end, d_end = begins[i + 1]
@@ -394,7 +369,7 @@ def _touching(
 
 
 @compiled
-def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, out: tuple[Array, ...]) -> int:
+def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, out: Spots) -> int:
     """Drops points of one plate that are inside the surface that its pieces have together; their number.
 
     A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there.
@@ -464,12 +439,9 @@ def _is_face(n: Array, faces: Array) -> bool:
     return False
 
 
-touching = compiled(
-    _touching,
-    signature(
-        COUNT, array(2), array(1, COUNT), array(2), array(1), NUMBER, array(2), array(2), array(2), array(2, COUNT),
-        array(1, COUNT), array(1, COUNT), array(2), array(2, COUNT), array(2, written=True), array(2, written=True),
-        array(1, written=True),
-        array(2, COUNT, written=True), array(2, written=True),
-    ),
-)  # fmt: skip
+_ROWS, _LIST = array(2, written=True), array(1, written=True)
+_TABLE, _NUMBERS = array(2, COUNT, written=True), array(1, COUNT, written=True)
+PLATES = record(Plates, _ROWS, _NUMBERS, _ROWS, _LIST)
+POLYTOPES = record(Polytopes, _ROWS, _ROWS, _ROWS, _TABLE, _NUMBERS, _NUMBERS, _ROWS, _TABLE)
+SPOTS = record(Spots, _ROWS, _ROWS, _LIST, _TABLE, _ROWS)
+touching = compiled(_touching, signature(COUNT, PLATES, NUMBER, POLYTOPES, SPOTS))
