@@ -23,6 +23,8 @@ from rbd.model.state import State
 NEAR_M = 0.01
 """A hull this near to an edge of a piece is a pair for Coal's distance."""
 _X = np.array([1.0, 0.0, 0.0])
+_MOST = 1000
+"""Sets of corners whose numbers are kept."""
 _ROOM = 256
 """Points and pairs for which there is room at first."""
 
@@ -64,6 +66,7 @@ class OnPieces:
     def _prepare(self) -> None:
         self._numbers: dict[tuple[object, ...], int] = {}
         self._faces: dict[tuple[str, int], int] = {}
+        self._seen: dict[bytes, Array] = {}
         self._between = Between(self.robot, (), 0)
         self._solids: dict[int, ConvexShape] = {}
 
@@ -116,14 +119,28 @@ class OnPieces:
         if not k:
             return []
         axes, J, velocity, bias = found.rows(state, self.joints, body, self._carries, np.tile(_X, (len(body), 1)))
-        numbers = np.empty(k, int)
-        for m, (kind, i, j, piece, _, plate) in enumerate(found.which.tolist()):
-            name = f"{names[plate]}:{i}" if hulls else names[plate]
-            # A ball on an edge is the point that it was on the face before.
+        numbers = self._numbered(found.which, names) if hulls else self._followed(found.which, names)
+        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
+
+    def _numbered(self, which: Array, names: Sequence[str]) -> Array:
+        """Numbers of corners of hulls, which keep them from one piece to the next in its plane."""
+        key = which.tobytes()
+        if key not in self._seen:
+            if len(self._seen) >= _MOST:
+                self._seen.clear()
+            each = ((names[plate], i, self.terrain.plane(piece, j)) for _, i, j, piece, _, plate in which.tolist())
+            self._seen[key] = np.array([self._number((f"{name}:{i}", at)) for name, i, at in each])
+        return self._seen[key]
+
+    def _followed(self, which: Array, names: Sequence[str]) -> Array:
+        """Numbers of balls: one on an edge is the point that it was on the face before."""
+        out = []
+        for kind, _, j, piece, _, plate in which.tolist():
+            name = names[plate]
             at = self.terrain.plane(piece, j) if kind == 0 else self._faces.get((name, piece), self.terrain.plane(piece, -1))
             self._faces[name, piece] = at
-            numbers[m] = self._number((name, at))
-        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
+            out.append(self._number((name, at)))
+        return np.array(out)
 
     def _crossing(self, state: State, R: Array, p: Array, pairs: Array, margin: float) -> list[Touching]:
         """The points of pairs that may touch across an edge."""

@@ -65,6 +65,7 @@ class Terrain(Displayed):
         self._known: set[tuple[int, int, int]] = set()
         self._arrays: Polytopes | None = None
         self._planes: dict[tuple[int, ...], int] = {}
+        self._plane_of: dict[tuple[int, int], int] = {}
         self.names = tuple(str(name) for name in pieces)
 
     @classmethod
@@ -228,10 +229,11 @@ class Terrain(Displayed):
 
     def plane(self, piece: int, face: int) -> int:
         """A number that faces of all pieces in one plane share; that of a piece's own for no face, -1."""
-        key = (piece,)
-        if face >= 0:
-            key = tuple(np.round(self._pieces[piece].faces[face] * 1e7).astype(int).tolist())
-        return self._planes.setdefault(key, len(self._planes))
+        known = self._plane_of.get((piece, face))
+        if known is None:
+            key = tuple(np.round(self._pieces[piece].faces[face] * 1e7).astype(int).tolist()) if face >= 0 else (piece,)
+            known = self._plane_of[piece, face] = self._planes.setdefault(key, len(self._planes))
+        return known
 
     def heights_of(self, points: Array) -> Array:
         """How far points are above the surface under them, along z, shape (...) [m]; inf where there is none.
