@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, check_number, locked
+from rbd.arrays import Array, as_array, as_finite, check_number, locked
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import across
 from rbd.errors import InputError
@@ -160,9 +160,11 @@ def pose_of(name: str, X: Any) -> pin.SE3:
     Raises:
         InputError: it is no rigid placement.
     """
-    if np.shape(X) == (3,):
-        return pin.SE3(np.eye(3), as_finite(f"place of piece {name!r:.80} of a terrain", X, (3,)))
-    return rigid_placement(f"pose of piece {name!r:.80} of a terrain", X)
+    what = f"pose of piece {name!r:.80} of a terrain"
+    given = X if X is None or isinstance(X, pin.SE3) else as_array(what, X)
+    if isinstance(given, np.ndarray) and given.shape == (3,):
+        return pin.SE3(np.eye(3), as_finite(what, given, (3,)))
+    return rigid_placement(what, given)
 
 
 @dataclass(frozen=True, eq=False)
