@@ -1,4 +1,4 @@
-"""Collision shapes of a robot on terrain: balls, corners of hulls over faces, and pairs that touch across edges."""
+"""Collision shapes of a robot on terrain: balls, hulls, and pairs of a round or flat shape with a piece."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rbd.constraints.contact_kinematics import Between, Touching, points_of_pair
 from rbd.constraints.convex.closest_points import meeting
 from rbd.constraints.convex.convex_shapes import ConvexShape, polyhedron
 from rbd.constraints.surface import UP
+from rbd.constraints.terrain.facets import Facets
 from rbd.constraints.terrain.pieces import Piece, Plates, Spots
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.constraints.terrain.touches import Touches, filled, kernel
@@ -21,7 +22,9 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 NEAR_M = 0.01
-"""A hull this near to an edge of a piece is a pair for Coal's distance."""
+"""A hull this near to an edge of a piece touches more than a plane; a round shape this near is a pair for Coal's distance."""
+_CORNER, _UNDER, _OTHER = 0, 2, 3
+"""Kinds of points, as in `touching_kernel`, which is compiled only where it is used."""
 _X = np.array([1.0, 0.0, 0.0])
 _MOST = 1000
 """Sets of corners whose numbers are kept."""
@@ -32,7 +35,7 @@ _ROOM = 256
 class OnPieces:
     """Contact points of shapes with terrain. Not for two threads at once.
 
-    Corners of a hull over a face keep their numbers from one face to the next; so do balls.
+    Points of hulls and balls keep their numbers from one face to the next.
 
     Args:
         robot: The robot.
@@ -52,15 +55,12 @@ class OnPieces:
         hulls = [i for i, shape in enumerate(shapes) if len(shape.vertices) or not all(part.is_ball for part in shape.rounds)]
         self._hulls = [shapes[i] for i in hulls]
         self._body, self._ball_body = of[hulls].astype(int), of[[i for i, _ in balls]].astype(int)
-        corners = [shape.vertices for shape in self._hulls]
-        self._points = np.ascontiguousarray(np.concatenate([np.zeros((0, 3)), *corners]).T)
-        self._at = np.concatenate([[0], np.cumsum([len(x) for x in corners])]).astype(int)
+        self._facets = Facets.of(self._hulls)
         self._bounds = (
             np.array([s.centre for s in self._hulls]).reshape(-1, 3), np.array([s.reach for s in self._hulls]),
-            np.array([not all(part.is_ball for part in s.rounds) for s in self._hulls], bool),
+            np.diff(self._facets.begins[:, 1]) == 0,
         )  # fmt: skip
-        self._of_balls = _single(self._radii)
-        self._still = Plates(np.zeros((len(hulls), 3)), *_single(np.zeros(len(hulls))))
+        self._of_balls = np.arange(len(balls) + 1), np.tile(UP, (len(balls), 1)), self._radii
         self._prepare()
 
     def _prepare(self) -> None:
@@ -87,63 +87,79 @@ class OnPieces:
         if len(self._radii):
             centres = (R[self._ball_body] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_body]
             found = Touches.of(self.terrain.polytopes, Plates(centres, *self._of_balls), margin)
-            parts += self._rows(state, found, self._ball_body, self._ball_names)
+            parts += self._rows(state, found, self._ball_body, self._followed(found.which))
         if self._hulls:
-            found, pairs = self._corners(R, p, margin)
-            parts += self._rows(state, found, self._body, [shape.name for shape in self._hulls])
-            parts += self._crossing(state, R, p, pairs, margin)
+            found, which, pairs = self._on_hulls(R, p, margin)
+            parts += self._rows(state, found, self._body[which[:, 5]], self._numbered(which))
+            parts += self._paired(state, R, p, pairs, margin)
         return parts
 
-    def _corners(self, R: Array, p: Array, margin: float) -> tuple[Touches, Array]:
-        """(corners of hulls over faces, pairs of a hull and a piece that may touch across an edge)."""
-        centres, reach, rims = self._bounds
+    def _on_hulls(self, R: Array, p: Array, margin: float) -> tuple[Touches, Array, Array]:
+        """(points of hulls, each of a plate of its own; `which` of them; pairs of a round or flat shape and a piece)."""
+        centres, reach, general = self._bounds
         places = (R[self._body] @ centres[:, :, None])[:, :, 0] + p[self._body]
         far, pairs = float(reach.max()) + margin, np.empty((0, 2), int)
+        lines, ups = np.empty((0, 2, 3)), np.empty((0, 3))
         arrays = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far)
         R, p = np.ascontiguousarray(R), np.ascontiguousarray(p)
 
         def run(out: Spots) -> int:
-            nonlocal pairs
-            pairs = np.empty((len(out.gaps), 2), int)
+            nonlocal pairs, lines, ups
+            most = len(out.gaps)
+            pairs, lines, ups = np.empty((most, 2), int), np.empty((most, 2, 3)), np.empty((most, 3))
             k, n = kernel("hull").hulls(
-                R, p, self._body, centres, reach, rims, self._points, self._at, margin, NEAR_M, arrays, out, pairs
+                R, p, self._body, centres, reach, general, self._facets, margin, NEAR_M, arrays, out, lines, ups, pairs
             )
             pairs = pairs[:n]
             return int(k)
 
-        return Touches(self._still, filled(_ROOM, run)), pairs
+        spots = filled(_ROOM, run)
+        k, which = len(spots.gaps), spots.which.copy()
+        spots.which[:, 1], spots.which[:, 5] = 0, np.arange(k)
+        plates = Plates(lines[:k].reshape(-1, 3), np.arange(0, 2 * k + 1, 2), ups[:k], np.zeros(k))
+        return Touches(plates, spots), which, pairs
 
-    def _rows(self, state: State, found: Touches, body: Array, names: Sequence[str]) -> list[Touching]:
-        """The rows of points on pieces, if there are any."""
-        k, hulls = len(found.gaps), found.plates is self._still
-        if not k:
+    def _rows(self, state: State, found: Touches, body: Array, numbers: Array) -> list[Touching]:
+        """The rows of points on pieces, if there are any; `body` of each of their plates."""
+        if not len(found.gaps):
             return []
         axes, J, velocity, bias = found.rows(state, self.joints, body, self._carries, np.tile(_X, (len(body), 1)))
-        numbers = self._numbered(found.which, names) if hulls else self._followed(found.which, names)
         return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
 
-    def _numbered(self, which: Array, names: Sequence[str]) -> Array:
-        """Numbers of corners of hulls, which keep them from one piece to the next in its plane."""
+    def _numbered(self, which: Array) -> Array:
+        """Numbers of points of hulls: a corner keeps its own from one piece to the next in its plane, an edge over an edge."""
         key = which.tobytes()
         if key not in self._seen:
             if len(self._seen) >= _MOST:
                 self._seen.clear()
-            each = ((names[plate], i, self.terrain.plane(piece, j)) for _, i, j, piece, _, plate in which.tolist())
-            self._seen[key] = np.array([self._number((f"{name}:{i}", at)) for name, i, at in each])
+            self._seen[key] = np.array([self._number(self._key(*row)) for row in which.tolist()], int)
         return self._seen[key]
 
-    def _followed(self, which: Array, names: Sequence[str]) -> Array:
+    def _key(self, kind: int, i: int, j: int, piece: int, _: int, s: int) -> tuple[object, ...]:
+        """What a point of a hull is: its name, and what it has in common with the same point at other states."""
+        name, solid = self._hulls[s].name, self.terrain.pieces[piece]
+        if kind == _CORNER:
+            return f"{name}:{i}", self.terrain.plane(piece, j)
+        if kind == _UNDER:
+            return f"{name}:face|{solid.name}:{j}", piece
+        d, c = divmod(j, len(solid.vertices))
+        if kind == _OTHER:  # the same while it moves from one edge of the hull to the next
+            return f"{name}:edge|{solid.name}:{c}-{d}", piece
+        a, b = self._facets.edges[self._facets.begins[s, 2] + i, :2].tolist()
+        return f"{name}:{a}-{b}|{solid.name}:{c}-{d}", piece
+
+    def _followed(self, which: Array) -> Array:
         """Numbers of balls: one on an edge is the point that it was on the face before."""
         out = []
         for kind, _, j, piece, _, plate in which.tolist():
-            name = names[plate]
+            name = self._ball_names[plate]
             at = self.terrain.plane(piece, j) if kind == 0 else self._faces.get((name, piece), self.terrain.plane(piece, -1))
             self._faces[name, piece] = at
             out.append(self._number((name, at)))
-        return np.array(out)
+        return np.array(out, int)
 
-    def _crossing(self, state: State, R: Array, p: Array, pairs: Array, margin: float) -> list[Touching]:
-        """The points of pairs that may touch across an edge."""
+    def _paired(self, state: State, R: Array, p: Array, pairs: Array, margin: float) -> list[Touching]:
+        """The points of pairs of a round or flat shape and a piece."""
         out, times = [], Counter[str]()
         for s, piece in pairs.tolist():
             shape, solid = self._hulls[s], self._solid(piece)
@@ -154,7 +170,7 @@ class OnPieces:
                 continue
             numbers = []
             for at in met.crossings:
-                numbers.append(self._number((at.name, "edge", times[at.name])))
+                numbers.append(self._number((at.name, "pair", times[at.name])))
                 times[at.name] += 1
             motions = self._between.motion(state, shape.joint), self._between.motion(state, 0)
             out.append(points_of_pair(met, (shape, solid), motions, np.array(numbers), self.label))
@@ -169,8 +185,3 @@ class OnPieces:
 
     def _number(self, key: tuple[object, ...]) -> int:
         return self._numbers.setdefault(key, len(self._numbers))
-
-
-def _single(radii: Array) -> tuple[Array, Array, Array]:
-    """What `Plates` has of single corners: where they begin, directions that none has, and radii."""
-    return np.arange(len(radii) + 1), np.tile(UP, (len(radii), 1)), radii

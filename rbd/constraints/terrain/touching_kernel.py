@@ -107,7 +107,7 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
 
 
 @compiled
-def _put(k: int, x: Array, n: Array, gap: float, label: tuple[int, int, int], way: Array, out: Spots) -> int:
+def put(k: int, x: Array, n: Array, gap: float, label: tuple[int, int, int], way: Array, out: Spots) -> int:
     """Adds a point to those of this piece, unless it is among them; the new number of points.
 
     The piece's own points begin at `which[k, 4]`.
@@ -166,41 +166,83 @@ def wall(n: Array, a: Array, b: Array) -> Array:
 
 
 @compiled
+def walls_of(n: Array, loop: Array, vertices: Array) -> Array:
+    """(m, level) of each edge of a face with a normal n, m . x >= level over the face, shape (edges, 4)."""
+    out = np.empty((len(loop), 4))
+    for j in range(len(loop)):
+        a = vertices[loop[j]]
+        out[j, :3] = wall(n, a, vertices[loop[(j + 1) % len(loop)]])
+        out[j, 3] = dot(out[j], a)
+    return out
+
+
+@compiled
+def over(x: Array, walls: Array) -> bool:
+    """Whether a point is over a face; a half-space has no edges."""
+    for m in walls:
+        if m[0] * x[0] + m[1] * x[1] + m[2] * x[2] < m[3] - SAME_M:
+            return False
+    return True
+
+
+@compiled
+def edge_number(a: int, b: int, corners: int) -> int:
+    """The number of an edge between two of a piece's corners."""
+    return min(a, b) + corners * max(a, b)
+
+
+@compiled
+def entry(x: Array, up: Array, faces: Array, most: float) -> tuple[float, int]:
+    """(length down from x against `up` to where that line enters a solid, face there); infinite if it does not by `most`."""
+    enters, leaves, at = -np.inf, np.inf, -1
+    for f in range(len(faces)):
+        lean, s = dot(up, faces[f]), dot(faces[f], x) - faces[f, 3]
+        if lean > LEAN:
+            if s > enters * lean:
+                enters, at = s / lean, f
+        elif lean < -LEAN:
+            leaves = min(leaves, s / lean)
+        elif s > SAME_M:
+            return np.inf, -1
+        if enters > leaves or enters > most:
+            return np.inf, -1
+    return enters, at
+
+
+@compiled
 def _over(
     k: int, P: Array, number: int, face: Array, loop: Array, vertices: Array, margin: float, out: Spots
 ) -> int:
     """The part of a plate over a face: its corners, crossings of its outline with the face's edges, corners of the face."""
-    n, edges = face[:3].copy(), len(loop)
+    n, edges, walls = face[:3].copy(), len(loop), walls_of(face, loop, vertices)
     x, own, count = np.empty((len(P) + edges, 3)), np.empty(len(P) + edges, np.int64), len(P)
     for i in range(count):
         x[i], own[i] = P[i], i
-    for j in range(edges):
-        a = vertices[loop[j]]
-        m = wall(n, a, vertices[loop[(j + 1) % edges]])
-        count = _clipped(x, own, count, m, dot(m, a))
+    for m in walls:
+        count = _clipped(x, own, count, m, m[3])
     for i in range(count):
         gap = dot(n, x[i]) - face[3]
         if gap > margin:
             continue
         if own[i] >= 0:
-            k = _put(k, x[i], n, gap, (CORNER, own[i], number), n, out)
+            k = put(k, x[i], n, gap, (CORNER, own[i], number), n, out)
             continue
         one, two, way = -1, -1, n
         for j in range(edges):
-            a = vertices[loop[j]]
-            m = wall(n, a, vertices[loop[(j + 1) % edges]])
-            if abs(dot(m, x[i]) - dot(m, a)) < 10.0 * SAME_M:
-                one, two, way = j, one, m
+            if abs(dot(walls[j], x[i]) - walls[j, 3]) < 10.0 * SAME_M:
+                one, two, way = j, one, walls[j, :3].copy()
         if two >= 0:  # on two of its edges; the corner is the first of the later one, or of the first
             at = one if one - two == 1 else 0
-            k = _put(k, x[i], n, gap, (UNDER, 0, loop[at]), n, out)
+            k = put(k, x[i], n, gap, (UNDER, 0, loop[at]), n, out)
         else:
-            k = _put(k, x[i], n, gap, (CROSSING, _edge_of(x[i], P), loop[max(one, 0)]), way, out)
+            j = max(one, 0)
+            edge = edge_number(loop[j], loop[(j + 1) % edges], len(vertices))
+            k = put(k, x[i], n, gap, (CROSSING, _edge_of(x[i], P), edge), way, out)
     return k
 
 
 @compiled
-def _under(
+def under(
     k: int,
     P: Array,
     up: Array,
@@ -237,25 +279,18 @@ def _under(
             x = a + share * (b - a)
             gap = level - dot(up, x)
             if gap <= margin:
-                label = (UNDER, 0, end) if outline < 0 else (CROSSING, outline, edges[e, 0] + len(vertices) * edges[e, 1])
-                k = _put(k, x + gap * up, up, gap, label, b - a, out)
+                edge = edge_number(edges[e, 0], edges[e, 1], len(vertices))
+                label = (UNDER, 0, end) if outline < 0 else (CROSSING, outline, edge)
+                k = put(k, x + gap * up, up, gap, label, b - a, out)
     for i in range(size):  # where the line down from a corner enters the piece
-        enters, leaves = -np.inf, np.inf
-        for f in faces:
-            lean, s = dot(up, f), dot(f, P[i]) - f[3]
-            if lean > LEAN:
-                enters = max(enters, s / lean)
-            elif lean < -LEAN:
-                leaves = min(leaves, s / lean)
-            elif s > SAME_M:
-                leaves = -np.inf
-        if enters <= leaves and enters <= margin:
-            k = _put(k, P[i], up, enters, (CORNER, i, -1), up, out)
+        enters, _ = entry(P[i], up, faces, margin)
+        if enters <= margin:
+            k = put(k, P[i], up, enters, (CORNER, i, -1), up, out)
     return k
 
 
 @compiled
-def _ends(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
+def ends(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float]:
     """Shares along a to b and along c to d of the points that are nearest to each other; an end may be both of one."""
     u, v, r = b - a, d - c, a - c
     uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
@@ -279,19 +314,19 @@ def _nearest(
         a, b = P[i], P[(i + 1) % size]
         for e in range(len(edges)):
             c, d = vertices[edges[e, 0]], vertices[edges[e, 1]]
-            s, t = _ends(a, b, c, d)
+            s, t = ends(a, b, c, d)
             p, q = a + s * (b - a), c + t * (d - c)
             away = dot(p - q, p - q)
             if away < least:
                 least, one, other, i_at, e_at, t_at = away, p, q, i, e, t
-    gap, label = best, (OTHER, i_at, edges[e_at, 0] + len(vertices) * edges[e_at, 1])
+    gap, label = best, (OTHER, i_at, edge_number(edges[e_at, 0], edges[e_at, 1], len(vertices)))
     if best > SAME_M:
         gap = math.sqrt(least)
         n = (one - other) / gap
     way = vertices[edges[e_at, 1]] - vertices[edges[e_at, 0]]
     if size == 1 and (t_at <= 0.0 or t_at >= 1.0):  # at a corner
         way = np.zeros(3)
-    return _put(k, one, n, gap, label, way, out) if gap <= margin else k
+    return put(k, one, n, gap, label, way, out) if gap <= margin else k
 
 
 @compiled
@@ -308,7 +343,7 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
         k = _over(k, P, carrier, faces[carrier], loop, vertices, margin, out)
     elif carrier == -1:
         how = ON_PLATE
-        k = _under(k, P, up, faces, vertices, edges, margin, out)
+        k = under(k, P, up, faces, vertices, edges, margin, out)
     if k == before and len(edges):
         how = EDGES
         k = _nearest(k, P, vertices, edges, best, n, margin, out)

@@ -1,0 +1,120 @@
+"""Convex hulls on terrain: what they touch of pieces, how these points move, and falls over edges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial import ConvexHull
+
+import rbd
+from rbd.arrays import Array
+from rbd.constraints.contact_kinematics import Touching
+from rbd.constraints.convex.convex_shapes import polyhedron
+from rbd.constraints.terrain.pieces import polytope
+from rbd.constraints.terrain.shapes import OnPieces
+
+BOX = rbd.testing.box(mass=10.0)
+CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+
+def on_pieces(corners: Array, terrain: rbd.Terrain) -> OnPieces:
+    """The hull of some corners as the shape of a free body."""
+    return OnPieces(BOX, [replace(polyhedron("hull", corners), joint=1)], terrain)
+
+
+def at(R: Array, p: Array, v: Array | None = None) -> rbd.State:
+    return rbd.State(BOX, np.concatenate([p, pin.Quaternion(R).coeffs()]), v)
+
+
+@cache
+def _directions(data: bytes) -> tuple[Array, Array]:
+    points = np.frombuffer(data).reshape(-1, 3)
+    hull = ConvexHull(points)
+    e = np.vstack([points[s[[1, 2, 0]]] - points[s] for s in hull.simplices])
+    return hull.equations[:, :3], e / np.linalg.norm(e, axis=1)[:, None]
+
+
+def parted(A: Array, R: Array, p: Array, B: Array) -> float:
+    """The largest separation of two hulls along all normals of faces and all products of edges, one by one."""
+    (N_1, e), (N_2, d) = _directions(A.tobytes()), _directions(B.tobytes())
+    c = np.cross((e @ R.T)[:, None], d[None]).reshape(-1, 3)
+    size = np.linalg.norm(c, axis=1)
+    c = c[size > 1e-7] / size[size > 1e-7][:, None]
+    N = np.vstack([-N_1 @ R.T, N_2, c, -c])
+    return float((((A @ R.T + p) @ N.T).min(axis=0) - (B @ N.T).max(axis=0)).max())
+
+
+def drawn(rng: np.random.Generator) -> tuple[Array, Array]:
+    """Corners of a hull and of a piece: boxes, or of random corners."""
+
+    def solid() -> Array:
+        if rng.random() < 0.4:
+            return CUBE * rng.uniform(0.03, 0.2, 3)
+        x = rng.normal(size=(rng.integers(5, 20), 3))
+        return x * rng.uniform(0.05, 0.2, 3) / np.linalg.norm(x, axis=1)[:, None]
+
+    A, B = solid(), solid() @ pin.rpy.rpyToMatrix(*rng.uniform(-3.0, 3.0, 3)).T
+    return tuple(np.ascontiguousarray(x[np.sort(ConvexHull(x).vertices)]) for x in (A, B))  # type: ignore[return-value]
+
+
+def near(A: Array, R: Array, d: Array, B: Array, apart: float) -> Array:
+    """A place along d from the piece at which the hull is so far from it."""
+    low, high = 0.0, 3.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if parted(A, R, middle * d, B) > apart else (middle, high)
+    return 0.5 * (low + high) * d
+
+
+def gaps_of(found: list[Touching]) -> Array:
+    return np.concatenate([np.zeros(0), *[part.gaps for part in found]])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gaps_are_separations(seed):
+    """The least gap of touching hulls is their separation along the best of all normals; apart none is less than it."""
+    rng = np.random.default_rng(seed)
+    for _ in range(40):
+        A, B = drawn(rng)
+        terrain, d = rbd.Terrain({"piece": polytope("piece", B)}), rng.normal(size=3)
+        pieces, R, d = on_pieces(A, terrain), pin.rpy.rpyToMatrix(*rng.uniform(-3.0, 3.0, 3)), d / np.linalg.norm(d)
+        for apart in (1e-6, 0.0, -1e-7, -1e-4):
+            gaps = gaps_of(pieces.at(at(R, near(A, R, d, B, apart)), 0.02))
+            assert gaps.min() == pytest.approx(apart, abs=3e-9)
+        for apart in (0.001, 0.009):
+            gaps = gaps_of(pieces.at(at(R, near(A, R, d, B, apart)), 0.02))
+            assert gaps.min() > apart - 3e-9
+
+
+def test_rates_of_points_of_hulls():
+    """J v is the rate of the gap, and J_dot v the derivative of J v along the motion, where a hull touches."""
+    rng, h, met = np.random.default_rng(1), 1e-6, set[tuple[int, int]]()
+    for _ in range(60):
+        A, B = drawn(rng)
+        terrain, d = rbd.Terrain({"piece": polytope("piece", B)}), rng.normal(size=3)
+        pieces, R, d = on_pieces(A, terrain), pin.rpy.rpyToMatrix(*rng.uniform(-3.0, 3.0, 3)), d / np.linalg.norm(d)
+        q, v = at(R, near(A, R, d, B, 0.0)).q, rng.normal(size=6)
+        found = []
+        for t in (-h, 0.0, h):
+            state = rbd.State(BOX, pin.integrate(BOX.model, q, t * v), v)
+            R_t, p_t = state.joint_places(pieces.joints)
+            which = pieces._on_hulls(R_t, p_t, 0.02)[1]
+            (part,) = pieces.at(state, 0.02)
+            rows = zip(part.names, which, part.gaps, part.velocity.reshape(-1, 3), part.bias.reshape(-1, 3), strict=True)
+            found.append({(name, int(w[0]), int(w[4])): x for name, w, *x in rows})
+        before, now, after = found
+        for key in now.keys() & before.keys() & after.keys():
+            (gap_0, u_0, _), (gap, u, bias), (gap_1, u_1, _) = before[key], now[key], after[key]
+            if key[1:] == (3, 2) and gap > 1e-8:
+                continue  # of edges apart the motion of the nearest points is that of edges that cross
+            met.add(key[1:])
+            np.testing.assert_allclose((u_1 - u_0) / (2.0 * h), bias, atol=2e-5, rtol=1e-6)
+            if abs(gap) < 1e-8:
+                assert (gap_1 - gap_0) / (2.0 * h) == pytest.approx(u[2], abs=1e-6)
+    assert met >= {(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (3, 2)}
