@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,7 +13,7 @@ from scipy.spatial import ConvexHull
 import rbd
 from rbd.arrays import Array
 from rbd.constraints.contact_kinematics import Touching
-from rbd.constraints.convex.convex_shapes import polyhedron
+from rbd.constraints.convex.convex_shapes import convex_shape, polyhedron
 from rbd.constraints.terrain.pieces import polytope
 from rbd.constraints.terrain.shapes import OnPieces
 
@@ -76,11 +74,11 @@ def gaps_of(found: list[Touching]) -> Array:
     return np.concatenate([np.zeros(0), *[part.gaps for part in found]])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_gaps_are_separations(seed):
     """The least gap of touching hulls is their separation along the best of all normals; apart none is less than it."""
     rng = np.random.default_rng(seed)
-    for _ in range(40):
+    for _ in range(20):
         A, B = drawn(rng)
         terrain, d = rbd.Terrain({"piece": polytope("piece", B)}), rng.normal(size=3)
         pieces, R, d = on_pieces(A, terrain), pin.rpy.rpyToMatrix(*rng.uniform(-3.0, 3.0, 3)), d / np.linalg.norm(d)
@@ -118,3 +116,56 @@ def test_rates_of_points_of_hulls():
             if abs(gap) < 1e-8:
                 assert (gap_1 - gap_0) / (2.0 * h) == pytest.approx(u[2], abs=1e-6)
     assert met >= {(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (3, 2)}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_box_falls_over_edges(tmp_path, seed):
+    """A box thrown onto stairs tumbles down them, and is nowhere inside of a step by the normals of all faces and edges."""
+    rng, size = np.random.default_rng(seed), np.array([0.2, 0.12, 0.08])
+    path = tmp_path / "box.urdf"
+    path.write_text(
+        '''<robot name="box"><link name="body"><inertial><mass value="1"/><inertia ixx="0.002" iyy="0.004" izz="0.005" ixy="0"
+        ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.2 0.12 0.08"/></geometry></collision></link></robot>'''
+    )
+    box, stairs = rbd.load_robot(path), rbd.Terrain.stairs(0.1, 0.2, 3, start=(-0.3, 0.0, -0.3))
+    turn = pin.Quaternion(pin.rpy.rpyToMatrix(*rng.uniform(-3.0, 3.0, 3))).coeffs()
+    state = rbd.State(box, [0.1, 0.0, 0.2, *turn], [-1.0, *rng.uniform(-0.3, 0.3, 2), *rng.uniform(-3.0, 3.0, 3)])
+    contacts = [rbd.CollisionContacts("c", box, friction=0.5, on=stairs)]
+    run = rbd.simulate(state, contacts, duration=0.5, step=1e-3, progress=False, may_sink=True)
+    assert len(run.events) > 3
+    assert run.residuals["penetration"].max() < 1e-9
+    for q in run.q[::5]:
+        X = pin.XYZQUATToSE3(q)
+        for piece in stairs.pieces:
+            if np.all(X.translation > piece.box[:3] - 0.2) and np.all(X.translation < piece.box[3:] + 0.2):
+                assert parted(0.5 * size * CUBE, X.rotation, X.translation, piece.vertices) > -1e-9
+
+
+def test_talos_falls_onto_boxes_of_different_heights():
+    """Of all its shapes no corner is inside of a box by 1e-9 m, and no point of a box's edge inside of a shape."""
+    talos = rbd.load_robot("talos")
+    q, v = talos.standing().q.copy(), np.zeros(talos.nv)
+    q[2] += 0.08
+    v[:2], v[3:6] = [0.3, -0.2], [0.5, 0.9, -0.4]
+    tops = [0.0, 0.01, -0.02, 0.015, -0.01, 0.02, 0.0]
+    on = rbd.Terrain.boxes(*[((-1 + 0.3 * k, -1, -0.5), (-0.7 + 0.3 * k, 1, z)) for k, z in enumerate(tops)])
+    contacts = rbd.CollisionContacts("c", talos, friction=0.7, on=on)
+    run = rbd.simulate(rbd.State(talos, q, v), [contacts], duration=0.7, step=2e-3, progress=False, may_sink=True)
+    assert run.residuals["penetration"].max() < 1e-9
+    shapes = [convex_shape(each) for each in talos.collision_model.geometryObjects if each.parentJoint > 0]
+    y, met = np.linspace(-1.0, 1.0, 4001), 0
+    for i in range(100, len(run.t), 50):
+        state = rbd.State(talos, run.q[i])
+        for shape in shapes:
+            R, p = (x[0] for x in state.joint_places([shape.joint]))
+            corners, centre = shape.vertices @ R.T + p, R @ shape.centre + p
+            for piece in on.pieces:
+                assert piece.depths(corners).min() > -1e-9
+                for x in piece.box[[0, 3]].tolist():
+                    rim = np.column_stack([np.full(len(y), x), y, np.full(len(y), piece.box[5])])
+                    rim = rim[np.linalg.norm(rim - centre, axis=1) < shape.reach]
+                    if len(rim) and not shape.rounds:
+                        inside = ((rim - p) @ R) @ shape.faces[:, :3].T - shape.faces[:, 3]
+                        met += 1
+                        assert inside.max(axis=1).min() > -1e-9
+    assert met > 100

@@ -343,9 +343,10 @@ def _hulls(
         for piece in range(len(boxes)):
             if clear_of(boxes[piece], c - far, c + far):
                 continue
-            most = -np.inf
+            most, first = -np.inf, begins[piece, 0]
             for f in range(begins[piece, 0], begins[piece + 1, 0]):
-                most = max(most, dot(faces[f], c) - faces[f, 3])
+                if dot(faces[f], c) - faces[f, 3] > most:
+                    most, first = dot(faces[f], c) - faces[f, 3], f
             if most > far:
                 continue
             if general[s]:
@@ -355,10 +356,13 @@ def _hulls(
                     pairs[found, 0], pairs[found, 1] = s, piece
                     found += 1
                 continue
-            best, carrier = -np.inf, -1
-            for f in range(begins[piece, 0], begins[piece + 1, 0]):
+            best, carrier, count = -np.inf, -1, begins[piece + 1, 0] - begins[piece, 0]
+            for j in range(count):
+                f = begins[piece, 0] + (first - begins[piece, 0] + j) % count
                 _turned(Q, faces[f], up)
                 level, least = dot(faces[f], o) - faces[f, 3], np.inf
+                if points[0, i_0] * up[0] + points[1, i_0] * up[1] + points[2, i_0] * up[2] + level < best - SEAM_M:
+                    continue
                 for i in range(i_0, i_1):
                     least = min(least, points[0, i] * up[0] + points[1, i] * up[1] + points[2, i] * up[2])
                 s_f = least + level
