@@ -85,5 +85,4 @@ def _facets(data: bytes) -> _Parts:
     N = hull.equations[first, :3]
     starts = np.append(0, np.cumsum(sizes))
     d = np.array([(points[loops[i:j]] @ n).max() for i, j, n in zip(starts[:-1], starts[1:], N, strict=True)])
-    faces = locked(np.column_stack([N, d]))
-    return faces, *(locked(np.array(x, int)) for x in (loops, sides, sizes, edges))
+    return locked(np.column_stack([N, d])), np.array(loops, int), np.array(sides, int), np.array(sizes, int), edges

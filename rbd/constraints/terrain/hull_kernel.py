@@ -166,7 +166,7 @@ def _crossing(
 def _on_face(
     k: int, hull: tuple[Array, ...], lines: Array, f: int, F: Array, V: Array, loop: Array, lim: tuple[float, float], out: Spots
 ) -> int:
-    """The part of a hull over a face of the piece: its corners, its edges over the face's edges, the face's corners under it."""
+    """The part of a hull over a face: its corners, its edges over the face's edges, corners of the face under it."""
     points, faces, hull_edges = hull[0], hull[1], hull[5]
     n, walls, margin, near, first = F[f, :3].copy(), walls_of(F[f], loop, V), lim[0], lim[1], k
     size, lowest = 0, 0
