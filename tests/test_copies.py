@@ -256,6 +256,7 @@ def more_constraints() -> Iterator[object]:
     yield rbd.problem.NonNegative(3)
     yield rbd.problem.Product([rbd.problem.Free(1), rbd.problem.LineCone(0.1, 0.5)])
     yield rbd.problem.EllipticCone(0.5, 0.4)
+    yield rbd.problem.UnevenCone(np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]]), np.tile(np.eye(3), (2, 1, 1)), 0.5, dim=5)
 
 
 def springs() -> Iterator[object]:

@@ -515,6 +515,10 @@ CASES: dict[str, Case] = {
     "Product": Case(
         lambda **given: use_cone(rbd.problem.Product(**given)), {"cones": [rbd.problem.Free(1), rbd.problem.FrictionCone(0.5)]}
     ),
+    "UnevenCone": Case(
+        lambda **given: use_cone(rbd.problem.UnevenCone(**given)),
+        {"corners": np.c_[CORNERS, np.zeros(4)], "axes": np.tile(np.eye(3), (4, 1, 1)), "mu": 0.5, "facets": 4, "dim": 6},
+    ),
     "WrenchCone": Case(
         lambda **given: use_cone(rbd.problem.WrenchCone(**given)),
         {"corners": np.c_[CORNERS, np.zeros(4)], "mu": 0.5, "facets": 4},

@@ -19,7 +19,7 @@ from rbd.displayed import Displayed
 from rbd.errors import NoSolution, Reason
 from rbd.model.external import External
 from rbd.model.state import State
-from rbd.problem.answer import CARRIES_NOTHING_N, Status
+from rbd.problem.answer import CARRIES_NOTHING_N, Status, at_corners
 from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
@@ -388,7 +388,7 @@ def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
     for i, rows in enumerate(P.rows):
         if rows.patch is None:
             continue
-        f = solution.corner_forces[rows.name] @ rows.patch.axes
+        f = at_corners(rows.patch, solution.corner_forces[rows.name])
         motion = (
             np.zeros_like(f) if at_rest(rows.cone).bilateral else T.point_accelerations(y, i)
         )  # bilateral constraints do not move

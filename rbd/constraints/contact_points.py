@@ -89,6 +89,7 @@ class Structure:
         owners: Name of the constraint of each point.
         numbers: Number of each point among those of its constraint.
         cones: Set of each point's forces.
+        pieces: Name of the piece of terrain that each point is on; none: they are not on terrain.
         sets: The different ones among these sets.
         which: Index of each point's set, shape (k,).
         widths: Number of rows of each point, shape (k,).
@@ -98,6 +99,7 @@ class Structure:
     owners: tuple[str, ...]
     numbers: tuple[int, ...]
     cones: tuple[Cone, ...]
+    pieces: tuple[str, ...] = ()
     sets: tuple[Cone, ...] = field(init=False)
     which: Array = field(init=False)
     widths: Array = field(init=False)

@@ -119,7 +119,7 @@ def _own_plane(r: Rows) -> str:
     patch = r.patch
     if patch is None or patch.on is not None or patch.against is not None or patch.friction is None or not len(patch.corners):
         return ""
-    if r.error is not None:  # its anchor is on the plane
+    if r.error is not None or patch.turned is not None:  # its anchor is on the plane; it is on several planes
         return ""
     n, p = patch.axes[:, 2], patch.point
     if np.abs(patch.corners_W[:, 2]).max() <= TOUCHES and n[2] > 0.0:

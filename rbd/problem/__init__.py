@@ -5,7 +5,7 @@ from functools import partial as _partial
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Bounds, Cone, EllipticCone, Free, FrictionCone, NonNegative, Product
-from rbd.problem.corner_cones import LineCone, WrenchCone
+from rbd.problem.corner_cones import LineCone, UnevenCone, WrenchCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.ground import Ground
 from rbd.problem.motions import Speed
@@ -26,6 +26,7 @@ __all__ = [
     "Rows",
     "Speed",
     "Status",
+    "UnevenCone",
     "WrenchCone",
 ]
 

@@ -38,7 +38,7 @@ class ContactForce(Displayed):
         normal: Along the contact's normal [N]; positive when it pushes.
         tangential: Norm of the tangential component [N].
         friction_used: |f_t| / (mu f_n), of the true cone: may exceed 1 in a circumscribed pyramid; None where
-            there is no friction coefficient or no load. For a surface: of its net force.
+            there is no friction coefficient or no load. For a surface: of its net force; None on planes of different normals.
         centre_of_pressure: Point of the patch's plane about which the tangential moment vanishes, in W, shape (3,) [m];
             None where the foot is unloaded.
     """
@@ -56,7 +56,7 @@ class ContactForce(Displayed):
         normal, tangential = float(f[2]), math.hypot(f[0], f[1])
         if normal < CARRIES_NOTHING_N:
             return cls(force[:3], normal, tangential, None, None)
-        used = friction_used(patch.friction, f)
+        used = friction_used(patch.friction, f) if patch.turned is None else None
         cop = patch.point
         if len(force) == 6:
             t = patch.axes.T @ force[3:]
@@ -97,7 +97,19 @@ def corners_of(rows: Rows, f: Array, sets: ForceSet, w: Array, number: int) -> A
     """
     assert rows.patch is not None
     at_points = sets.point_map(number) if len(rows) and not rows.cone.bilateral else None
-    return corner_split(rows, f) if at_points is None else (at_points @ w).reshape(-1, 3) @ rows.patch.axes.T
+    return corner_split(rows, f) if at_points is None else in_world(rows.patch, (at_points @ w).reshape(-1, 3))
+
+
+def in_world(patch: Patch, forces: Array) -> Array:
+    """Forces in the axes of a patch's corners, shape (k, 3), in world axes."""
+    if patch.turned is None:
+        return forces @ patch.axes.T
+    return np.asarray((patch.corner_axes @ forces[:, :, None])[:, :, 0])
+
+
+def at_corners(patch: Patch, forces: Array) -> Array:
+    """Forces in world axes, shape (k, 3), in the axes of a patch's corners: tangent, tangent, normal."""
+    return forces @ patch.axes if patch.turned is None else np.asarray((forces[:, None] @ patch.corner_axes)[:, 0])
 
 
 def corner_map(rows: Rows) -> Array:

@@ -1,4 +1,4 @@
-"""Force sets of patches and edges: what forces of one set at each of their corners make."""
+"""Force sets of patches, edges and points on several planes: what forces of one set at each of their corners make."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy, locked
+from rbd.arrays import Array, as_array, as_finite, as_float, block_diagonal, cross_matrix, is_finite, lazy, locked
 from rbd.errors import InputError, NoSolution
 from rbd.problem.cones import HALF_LINE, Cone, FrictionCone, Part, check_friction, checked_generators, pushed_out, pyramid
 from rbd.problem.programs import nonnegative
@@ -149,6 +149,60 @@ class LineCone(_AtCorners):
     def _turn(self, velocity: Array) -> Array:
         """A line's turns about itself leave its points in place, and its rows are accelerations of its direction."""
         return np.array([0.0, velocity[3], velocity[4]])
+
+
+@dataclass(frozen=True, eq=False)
+class UnevenCone(_AtCorners):
+    """Force set of a contact that rests on planes of different normals, as a sole on a tread and a ramp.
+
+    Corner i is at c_i and has its own axes R_i (tangent, tangent, normal). Its force p_i, in these, is in a friction cone, and
+    gives force R_i p_i and moment c_i x R_i p_i; all in contact axes.
+
+    Args:
+        corners: Corner points from the contact's centre, shape (k, 3) [m].
+        axes: R_i, from each corner's axes to the contact's, shape (k, 3, 3).
+        mu: Friction coefficient, 0 leaves the normal components only; or the set of each corner's force, of dimension 3.
+        facets: Facets of each corner's pyramid in the QP.
+        dim: Number of row forces: 6 of a patch; 5 of an edge along x, without the moment about it; 3 of a point.
+
+    Example:
+        >>> valley = [pin.rpy.rpyToMatrix(0.0, angle, 0.0) for angle in (0.2, -0.2)]  # two planes, each 0.2 rad steep
+        >>> ball = rbd.problem.UnevenCone(np.zeros((2, 3)), valley, 0.0, dim=3)
+        >>> ball.project(np.array([0.0, 0.0, 10.0])).round(6), ball.project(np.array([10.0, 0.0, 0.0])).round(3)
+        (array([ 0.,  0., 10.]), array([0.395, 0.   , 1.947]))
+    """
+
+    corners: Array
+    axes: Array
+    mu: float | Cone
+    facets: int = 4
+    dim: int = 6
+
+    def __post_init__(self) -> None:
+        _check_point(self.mu, self.facets)
+        if as_float(self.dim) not in _KEPT:
+            raise InputError(f"dim of an UnevenCone is {self.dim!r:.80}; expected 6 of a patch, 5 of an edge, 3 of a point.")
+        corners = as_finite("corners of an UnevenCone", self.corners, ("k", 3))
+        axes = as_finite("axes of an UnevenCone", self.axes, (len(corners), 3, 3))
+        if not len(corners) or np.abs(axes @ axes.transpose(0, 2, 1) - np.eye(3)).max() > 1e-9:
+            raise InputError(f"axes of an UnevenCone are of {len(corners)} corners; expected a rotation matrix of each.")
+        self.__dict__.update(corners=locked(corners), axes=locked(axes), dim=int(self.dim))
+
+    @lazy
+    def corner_map(self) -> Array:
+        """The row forces of stacked corner forces, shape (dim, 3k)."""
+        kept, each = _KEPT[self.dim], zip(self.corners, self.axes, strict=True)
+        return np.hstack([np.vstack([R, cross_matrix(c) @ R])[kept] for c, R in each])
+
+    def inward(self, velocity: Array) -> Array:
+        """W x (w x c) of each corner, in its axes."""
+        w = np.concatenate([np.zeros(6 - self.dim), velocity[3:]])
+        towards = np.cross(w, np.cross(w, self.corners))
+        return np.asarray(self.at_points.T @ np.einsum("kji,kj->ki", self.axes, towards).ravel())
+
+
+_KEPT = {6: np.arange(6), 5: np.array([0, 1, 2, 4, 5]), 3: np.arange(3)}
+"""Which of the six components of a wrench are row forces."""
 
 
 def _check_point(mu: float | Cone, facets: int) -> None:

@@ -35,6 +35,8 @@ class Patch:
         on: The plane that it touches, or None where that is not known.
         reach: No corner is farther than this from `point` [m]; it speeds up `touches`.
         within: A corner that is no farther than this from the plane touches it [m].
+        turned: Of a contact on planes of different normals the axes of each corner, R_PC from these to the contact's, shape
+            (k, 3, 3), normals as third columns; None: all corners have the contact's axes.
     """
 
     point: Array
@@ -45,11 +47,17 @@ class Patch:
     on: Ground | None = None
     reach: float = inf
     within: float = TOUCHES
+    turned: Array | None = None
 
     @property
     def corners_W(self) -> Array:
         """The corner points in W, shape (k, 3) [m]."""
         return self.point + self.corners @ self.axes.T
+
+    @property
+    def corner_axes(self) -> Array:
+        """R_WC of the corners, shape (k, 3, 3); (3, 3) where all have the contact's axes."""
+        return self.axes if self.turned is None else self.axes @ self.turned
 
     @property
     def gaps(self) -> Array | None:

@@ -127,7 +127,7 @@ class EventDetection:
         return True
 
     def _record(self, t: float, layout: PointLayout, i: int, kind: str, speed: float = 0.0, impulse: float = 0.0) -> None:
-        self._events.append(Event(float(t), layout.owners[i], kind, layout.numbers[i], speed, impulse))
+        self._events.append(Event(float(t), layout.owners[i], kind, layout.numbers[i], speed, impulse, layout.pieces[i]))
 
     def _zero(self, now: StepRecord, values: list[float]) -> float:
         """Time of a quantity's zero: after the middle of the last step, by a straight line through the last two middles.

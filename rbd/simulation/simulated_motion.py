@@ -275,6 +275,7 @@ class Event(Displayed):
         point: Index of its point, from 0; -1 where the event is of no single point.
         speed: For a touch, the approach speed [m/s, rad/s]; else zero.
         impulse: For a touch, normal impulse of the impact [N s, N m s]; else zero.
+        piece: Name of the piece of terrain that the point is on; empty where it is not on terrain.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -291,10 +292,12 @@ class Event(Displayed):
     point: int = 0
     speed: float = 0.0
     impulse: float = 0.0
+    piece: str = ""
 
     def __str__(self) -> str:
         impact = f" at {self.speed:.3g} m/s, impulse {self.impulse:.3g} N s" if self.speed else ""
-        return f"{self.t:.6f} s: {self.name}{f'[{self.point}]' if self.point >= 0 else ''} {self.kind}{impact}"
+        where = f"{f'[{self.point}]' if self.point >= 0 else ''}{f' on {self.piece}' if self.piece else ''}"
+        return f"{self.t:.6f} s: {self.name}{where} {self.kind}{impact}"
 
 
 class AtEvents(NamedTuple):

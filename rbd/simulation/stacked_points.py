@@ -61,6 +61,11 @@ class PointLayout:
     computed: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @lazy
+    def pieces(self) -> tuple[str, ...]:
+        """Name of the piece of terrain that each point is on, shape (k,); empty where it is not on terrain."""
+        return tuple(chain.from_iterable([s.pieces or ("",) * len(s.owners) for s in self.structures]))
+
+    @lazy
     def bilateral(self) -> bool:
         """Whether some row is bilateral."""
         return bool(self.held.any())

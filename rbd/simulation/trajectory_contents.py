@@ -47,6 +47,7 @@ EVENT = (
     ("point", "point", int, ""),
     ("speed", "speed", float, "m/s or rad/s"),
     ("impulse", "impulse", float, "N s or N m s"),
+    ("piece", "piece", str, ""),
 )
 """Of an event: name in a dataset, field, type, unit."""
 
@@ -187,8 +188,9 @@ def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict
 
 
 def _event(given: object) -> Event:
-    if not isinstance(given, list) or [type(x) for x in given] != [kind for _, _, kind, _ in EVENT]:
-        raise InputError(f"an event in its header is {given!r:.80}; expected time, name, kind, point, speed, impulse")
+    kinds = [kind for _, _, kind, _ in EVENT]
+    if not isinstance(given, list) or [type(x) for x in given] not in (kinds, kinds[:-1]):  # older files name no piece
+        raise InputError(f"an event in its header is {given!r:.80}; expected time, name, kind, point, speed, impulse, piece")
     return Event(*given)
 
 

@@ -19,7 +19,18 @@ from rbd.errors import Reason
 from rbd.model.dynamics import free_force
 from rbd.model.external import External
 from rbd.model.state import State
-from rbd.problem.answer import ACCELERATION, CERTIFICATE, FORCES, Answer, ContactForce, Status, corners_of
+from rbd.problem.answer import (
+    ACCELERATION,
+    CARRIES_NOTHING_N,
+    CERTIFICATE,
+    FORCES,
+    Answer,
+    ContactForce,
+    Status,
+    at_corners,
+    corners_of,
+)
+from rbd.problem.cones import friction_used
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import COULOMB, GaussProblem
@@ -273,8 +284,9 @@ class Actuation(Displayed):
             if c.friction_used is not None:
                 friction[r.name] = 1.0 - c.friction_used
             if r.patch.friction:
-                local = [ContactForce.of(r.patch, f) for f in self.corner_forces[r.name]]
-                each[r.name] = np.array([math.nan if x.friction_used is None else 1.0 - x.friction_used for x in local])
+                local = at_corners(r.patch, self.corner_forces[r.name])
+                used = [friction_used(r.patch.friction, f) if f[2] >= CARRIES_NOTHING_N else None for f in local]
+                each[r.name] = np.array([math.nan if x is None else 1.0 - x for x in used])
             if len(r.patch.corners) > 2 and c.centre_of_pressure is not None:
                 at = (c.centre_of_pressure - r.patch.point) @ r.patch.axes
                 pressure[r.name] = inside_distance(at[:2], convex_hull(r.patch.corners[:, :2]))

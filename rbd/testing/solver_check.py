@@ -12,9 +12,9 @@ from rbd.answers.solution import Solution
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError, Reason
-from rbd.problem.answer import Answer, Status
+from rbd.problem.answer import Answer, Status, at_corners
 from rbd.problem.cones import Bounds, Cone, Free, FrictionCone, NonNegative, Product
-from rbd.problem.corner_cones import LineCone, WrenchCone
+from rbd.problem.corner_cones import LineCone, UnevenCone, WrenchCone
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.solvers import Solver
 from rbd.testing.reference import ReferenceProblem, reference_problems
@@ -215,10 +215,10 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict
         if not len(rows):
             continue
         corners = None
-        if not answer.law.facets and isinstance(rows.cone, WrenchCone | LineCone):
+        if not answer.law.facets and isinstance(rows.cone, WrenchCone | LineCone | UnevenCone):
             if rows.patch is None:
                 raise InputError(f"rows {rows.name!r}: true cones at a patch's corners want its patch.")
-            corners = as_given.corner_forces[rows.name] @ rows.patch.axes  # circular cones: the distribution is the solver's
+            corners = at_corners(rows.patch, as_given.corner_forces[rows.name])  # of circular cones as the solver has them
         cone = _against_motion(rows.cone, rows.velocity, problem.rest_speed)
         terms = np.maximum(np.abs(rows.J) @ np.abs(a) + np.abs(rows.bias) + np.abs(rows.feedback), 1.0)
         mobility = np.einsum("ij,ji->i", rows.J, np.linalg.solve(M, rows.J.T))
@@ -269,7 +269,7 @@ def _gaps(
         reach = push + np.where(low, np.abs(cone.lo), 0.0) + np.where(high, np.abs(cone.hi), 0.0)
         found = gap / terms, beyond / reach, slack / (reach * terms)
         return float(found[0].max(initial=0.0)), float(found[1].max(initial=0.0)), float(found[2].max(initial=0.0))
-    if not isinstance(cone, FrictionCone | WrenchCone | LineCone) or isinstance(cone.mu, Cone):
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone | UnevenCone) or isinstance(cone.mu, Cone):
         raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.problem.cones.")
     E, mu = _corner_map(cone), cone.mu
     C, own = (E.T @ c).reshape(-1, 3), (np.abs(E).T @ terms).reshape(-1, 3)
@@ -295,10 +295,14 @@ def _gaps(
     return max(sinks, opening), float(max(split.max(), outside.max())), float(slacks.max())
 
 
-def _corner_map(cone: FrictionCone | WrenchCone | LineCone) -> Array:
+def _corner_map(cone: FrictionCone | WrenchCone | LineCone | UnevenCone) -> Array:
     """Row forces of stacked corner forces: identity for a point, p and c x p for a patch; for a line no moment about it."""
     if isinstance(cone, FrictionCone):
         return np.eye(3)
+    if isinstance(cone, UnevenCone):
+        pairs = zip(cone.corners, cone.axes, strict=True)
+        columns = [[*R[:, j], *np.cross(c, R[:, j])] for c, R in pairs for j in range(3)]
+        return np.array(columns).T[{6: [0, 1, 2, 3, 4, 5], 5: [0, 1, 2, 4, 5], 3: [0, 1, 2]}[cone.dim]]
     G = np.hstack([np.vstack([np.eye(3), np.cross(c, np.eye(3)).T]) for c in cone.corners])
     return G[[0, 1, 2, 4, 5]] if isinstance(cone, LineCone) else G
 
@@ -307,7 +311,7 @@ def corner_rays(cone: Cone) -> Array | None:
     """Rays of the corner pyramids as columns, from their facets: a ray is where two neighbouring facets meet."""
     if isinstance(cone, NonNegative):
         return np.eye(cone.dim) if cone.dim == 1 else None
-    if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone | UnevenCone):
         return None
     angle = 2.0 * np.pi * np.arange(cone.facets) / cone.facets
     inward = np.column_stack([-np.cos(angle), -np.sin(angle), np.full(cone.facets, cone.mu)])

@@ -248,7 +248,7 @@ class _Collector:
         if kind == "pieces":
             local = T.point_map(i)
             assert local is not None
-            out = np.einsum("ij,kjp->kip", rows.patch.axes, local.reshape(-1, 3, T.size)).reshape(-1, T.size)
+            out = (rows.patch.corner_axes @ local.reshape(-1, 3, T.size)).reshape(-1, T.size)
         return out
 
     def _inequalities(self, n: int) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ import pinocchio as pin
 from rbd.answers.analysis.active_set import CONSISTENT, ActiveSet, HeldRows
 from rbd.answers.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
 from rbd.answers.analysis.state_changes import Change, derivatives_of, projections, slopes
-from rbd.arrays import RANK, Array, zeros
+from rbd.arrays import RANK, Array, rank_of, zeros
 from rbd.constraints.fixed_rows import FixedRows, are_constant, fixed_rows_of
 from rbd.constraints.loop import rows_function
 from rbd.displayed import Displayed
@@ -285,7 +285,7 @@ class _Chain:
             part = P.slices[known.name]
             if len(r) != len(known):
                 return np.zeros(0)
-            if not _same_set(r.cone, known.cone):
+            if not _same_set(r.cone, known.cone) and not self._fills(known):
                 raise NotDifferentiable(
                     f"the set of forces of {known.name!r} changes with the state; derivatives need constant sets."
                 )
@@ -295,6 +295,10 @@ class _Chain:
             u.append(r.velocity)
             resultants.append(np.zeros(0) if r.resultant is None else r.resultant @ f[part])
         return np.concatenate([force, internal.ravel(), *c, *u, *resultants])
+
+    def _fills(self, rows: Rows) -> bool:
+        """Whether all its points stick, and their forces make any of its rows': where its set ends does not matter then."""
+        return set(self.active.words[rows.name]) == {"sticks"} and rank_of(rows.cone.generators()[0]) == len(rows)
 
     def _of_others(self, by: Array) -> Change:
         """The change of the other constraints, by the slopes of `_sample`."""

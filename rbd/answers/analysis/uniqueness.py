@@ -311,7 +311,8 @@ class _Asker:
     def _contact(self, name: str, patch: Patch, vertical: Array | None) -> ContactUniqueness:
         n, span = patch.axes[:, 2], self.adm.spans[name]
         normal = self._range(self._along(name, n))
-        corners = [self._range(self._on(slice(at, at + 3), n)) for at in range(span.start, span.stop, 3)]
+        normals = np.broadcast_to(patch.corner_axes, ((span.stop - span.start) // 3, 3, 3))[:, :, 2]
+        corners = [self._range(self._on(slice(span.start + 3 * i, span.start + 3 * i + 3), m)) for i, m in enumerate(normals)]
         share = self._range(self._on(span, vertical[span])) if vertical is not None and patch.against is None else None
         wrench = self.reach.is_unique(self.adm.rows[self.adm.problem.slices[name]])
         return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(name, patch, normal))

@@ -129,9 +129,10 @@ class OnTerrain:
                     numbers.append(self._most + self._numbers.setdefault(what, len(self._numbers)))
                 owners.append(plate)
             names, cones = tuple(self._names[o] for o in owners), tuple(self._cones[o] for o in owners)
+            pieces = tuple(self.terrain.pieces[piece].name for piece in found.which[:, 3].tolist())
             if len(self._seen) >= _MOST_STRUCTURES:
                 self._seen.clear()
-            known = self._seen[key] = Structure(names, tuple(numbers), cones)
+            known = self._seen[key] = Structure(names, tuple(numbers), cones, pieces)
         return known
 
 

@@ -1,4 +1,8 @@
-"""What a contact on terrain rests on at a state: the plane under it, and the corners of the part of it that rests there."""
+"""What a contact on terrain rests on at a state: the planes under it, and the corners of the part of it that rests there.
+
+A contact that holds is rigid on whatever it rests: its rows are those of its pose. On one plane its forces are those of the
+part that rests there; on planes of different normals each point has a friction cone about the normal of its own.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, locked
-from rbd.constraints.surface import UP, cone_of
+from rbd.constraints.surface import UP, cone_of, contact_axes
 from rbd.constraints.terrain.on_terrain import BESIDE, OnTerrain
 from rbd.constraints.terrain.touches import Touches
-from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
+from rbd.problem.cones import Cone
+from rbd.problem.corner_cones import UnevenCone
 from rbd.problem.ground import TOUCHES, Ground
 from rbd.problem.rows import Rows
 
@@ -28,29 +33,13 @@ _sources: WeakKeyDictionary[CheckedModel, dict[Any, OnTerrain]] = WeakKeyDiction
 
 
 def resting_rows(contact: Any, state: State) -> Rows:
-    """The rows of a contact on terrain: those of what rests, with the depths of points that are inside of pieces.
+    """The rows of a contact on terrain: of what rests of it, with the depths of points that are inside of pieces.
+
+    They have its own axes, about its own centre. Where nothing of it is within a millimetre of the terrain, it has all its
+    corners, and the plane below its centre.
 
     Raises:
-        InputError: as of `resting_on`.
-    """
-    resting, found, source = resting_on(contact, state)
-    rows: Rows = resting.rows(state)
-    deep = np.flatnonzero(found.gaps < -TOUCHES)
-    if len(deep):
-        inside = [(source.name_of(found, int(m)), -float(found.gaps[m])) for m in deep]
-        rows = replace(rows, overlaps=tuple(inside))
-    return rows
-
-
-def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
-    """(the same contact on the plane under it, what it touches, its source).
-
-    It has the corners of the part that rests there, in the same axes and about the same centre.
-
-    Where nothing of it is within a millimetre of the terrain, it has all its corners, and the plane below its centre.
-
-    Raises:
-        InputError: where it is over no terrain, or rests on two planes that are inclined to each other.
+        InputError: where it is over no terrain.
     """
     known = _sources.setdefault(state.robot, {})
     source = known.get(contact)
@@ -59,30 +48,71 @@ def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
             known.clear()
         source = known[contact] = OnTerrain([contact], state)
     found, R, p = source.touches(state, TOUCHES)
-    X_WP = pin.SE3(R[0], p[0]) * source.placements[0]
+    rows = _rows(contact, state, found, pin.SE3(R[0], p[0]) * source.placements[0])
+    deep = np.flatnonzero(found.gaps < -TOUCHES)
+    if len(deep):
+        inside = [(source.name_of(found, int(m)), -float(found.gaps[m])) for m in deep]
+        rows = replace(rows, overlaps=tuple(inside))
+    return rows
+
+
+def _rows(contact: Any, state: State, found: Touches, X_WP: pin.SE3) -> Rows:
     k = len(contact.corners)
     up = X_WP.rotation[:, 2] if k > 2 else UP
     under = np.flatnonzero(found.normals @ up > BESIDE)
     if not len(under):
         below = contact.on.ground_at(*X_WP.translation[:2].tolist())
-        flat = _on_plane(contact, tuple(np.asarray(below.normal).tolist()), float(below.height), contact.corners.tobytes(), k)
-        return flat, found, source
-    normals = found.normals[under]
+        return _of(_on_plane(contact, _tuple(below.normal), float(below.height), contact.corners.tobytes(), k), state)
+    normals, own = found.normals[under], contact.corners
+    whole = len(under) == k and (found.which[under, 0] == 0).all()
     if np.abs(normals - normals[0]).max() > SAME_NORMAL:
-        raise InputError(
-            f"contact {contact.name!r} rests on two planes of the terrain, inclined to each other: its forces have no common "
-            "axes. Give its corners as contacts of their own, rbd.PointContact, or simulate it: there each point has "
-            "the normal of its own plane."
-        )
+        under = under[np.lexsort((found.which[under, 1], found.which[under, 0]))]  # corners first, in their order
+        own, corner = (found.places[under] - X_WP.translation) @ X_WP.rotation, found.which[under, 0] == 0
+        own[corner] = contact.corners[found.which[under[corner], 1]]
+        return _uneven_rows(contact, state, found.normals[under], own)
     n, place = normals[0], found.places[under] - found.gaps[under, None] * normals
-    local = contact.corners
-    if not (len(under) == k and (found.which[under, 0] == 0).all()):
-        local = np.round((found.places[under] - X_WP.translation) @ X_WP.rotation, 12)
+    if not whole:
+        own = np.round((found.places[under] - X_WP.translation) @ X_WP.rotation, 12)
     if k > 2:
-        while len(local) < 3:  # an edge, or a corner: the same forces from three corners
-            local = np.vstack([local, local[-1:]])
-    height, corners = round(float(n @ place[0]), 12), local.tobytes() if k > 1 else b""
-    return _on_plane(contact, tuple(n.tolist()), height, corners, len(local)), found, source
+        while len(own) < 3:  # an edge, or a corner: the same forces from three corners
+            own = np.vstack([own, own[-1:]])
+    height, corners = round(float(n @ place[0]), 12), own.tobytes() if k > 1 else b""
+    return _of(_on_plane(contact, _tuple(n), height, corners, len(own)), state)
+
+
+def _uneven_rows(contact: Any, state: State, normals: Array, own: Array) -> Rows:
+    """The rows of its pose, with forces at points of different normals; `own`: from its centre, in its axes, shape (k, 3)."""
+    n, friction = normals.sum(axis=0), contact.friction
+    rows = _of(_held(contact, _tuple(n / np.linalg.norm(n))), state)
+    patch = rows.patch
+    assert patch is not None
+    if friction is None:
+        return rows
+    own = own * ([0.0] * 3 if len(rows) == 3 else [1.0, 0.0, 0.0] if len(rows) == 5 else [1.0] * 3)
+    turned = np.array([patch.axes.T @ contact_axes(normal, patch.axes[:, 0]) for normal in normals])
+    cone = _uneven(own.tobytes(), turned.tobytes(), friction, contact.facets, len(rows))
+    return replace(rows, cone=cone, patch=replace(patch, corners=cone.corners, turned=cone.axes, friction=friction, on=None))
+
+
+def _of(contact: Any, state: State) -> Rows:
+    rows: Rows = contact.rows(state)
+    return rows
+
+
+def _tuple(x: Any) -> tuple[float, ...]:
+    return tuple(np.asarray(x).tolist())
+
+
+@lru_cache(maxsize=1024)
+def _held(contact: Any, normal: tuple[float, ...]) -> Any:
+    """The same contact with all rows of its pose, on ground whose place is not known."""
+    return contact._again(on=Ground(normal=np.array(normal)), friction=None)
+
+
+@lru_cache(maxsize=256)
+def _uneven(corners: bytes, axes: bytes, friction: float | Cone, facets: int, dim: int) -> UnevenCone:
+    """The set of these points' forces: the same object at the same place."""
+    return UnevenCone(np.frombuffer(corners).reshape(-1, 3), np.frombuffer(axes).reshape(-1, 3, 3), friction, facets, dim)
 
 
 @lru_cache(maxsize=1024)
