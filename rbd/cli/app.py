@@ -19,6 +19,7 @@ import typer
 from rich.progress import track
 
 from rbd.cli.check_command import check
+from rbd.cli.ground_option import GroundOption, ground_of
 from rbd.cli.stand_command import region, stand
 from rbd.cli.terminal import (
     FIGURES,
@@ -171,6 +172,7 @@ def simulate(
     ] = None,
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
+    ground: GroundOption = None,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,
     gravity: Gravity = None,
     package_dir: PackageDirs = None,
@@ -203,6 +205,7 @@ def simulate(
         check_outputs({**files, "--video": (video, VIDEOS)}, reads=robot)
         check_friction(friction, 4)
         slip_law(law)
+        on = None if ground is None else ground_of(ground)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
             found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet_))
@@ -210,7 +213,7 @@ def simulate(
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):
-            given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops)
+            given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops, ground=on)
         external, stopped = Pushes(pushed) if pushed else None, None
         with timed(seconds, "simulate"):
             try:

@@ -15,6 +15,7 @@ import typer
 from rich.console import Group
 from rich.text import Text
 
+from rbd.cli.ground_option import ground_of
 from rbd.cli.terminal import (
     BAD_INPUT,
     FIGURES as PICTURES,
@@ -44,6 +45,7 @@ from rbd.installation import VERSION
 from rbd.records import RANKED_FILES, Field, counted, joined
 
 if TYPE_CHECKING:
+    from rbd.constraints.terrain.terrain import Terrain
     from rbd.motion.many_files import MotionFile
     from rbd.motion.report import MotionReport
     from rbd.robots.carried import Carried
@@ -59,7 +61,11 @@ def check(
     rate: Annotated[float | None, typer.Option(help="Frames a second, of files that do not say.")] = None,
     friction: Annotated[float, typer.Option(help="Coulomb's coefficient of the floor.")] = 0.7,
     ground: Annotated[
-        str | None, typer.Option(metavar="Z|fit", help="Height of the floor in metres; fitted, and said.")
+        str | None,
+        typer.Option(
+            metavar="Z|fit|FILE|...",
+            help="Height of the floor in metres (fitted, and said), or terrain: a file, stairs:0.1,0.3,5 or slope:8.",
+        ),
     ] = None,
     torque_limits: Annotated[
         str, typer.Option(metavar="SHARE|none", help="Share of the robot's torque limits that counts, or none.")
@@ -396,13 +402,8 @@ def _carried(text: str, number: int) -> Carried:
     return Carried(kg, names_of("--carry", hands) or [], name=f"object {number}")
 
 
-def _ground(text: str | None) -> float | str | None:
-    if text is None or text == "fit":
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"--ground is {text!r:.80}; expected a height in metres, or fit.") from None
+def _ground(text: str | None) -> float | str | Terrain | None:
+    return text if text is None or text == "fit" else ground_of(text)
 
 
 def _share(text: str) -> bool | float:

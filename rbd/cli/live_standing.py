@@ -15,6 +15,7 @@ from rbd.arrays import Array
 from rbd.cli.robot_reports import gives_way, strain
 from rbd.cli.terminal import in_options
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.surface import On
 from rbd.errors import RbdError
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
@@ -51,12 +52,14 @@ class Standing:
         robot: The robot.
         state: Its pose.
         facets: Of the friction pyramids.
+        ground: Under its feet.
     """
 
     scene: Scene
     robot: Robot
     state: State
     facets: int
+    ground: On = 0.0
 
     def controls(self, force: Array | None, at: str | None, friction: float, law: str, braced: bool) -> list[Control]:
         """The sliders, set to what the command was given.
@@ -119,7 +122,7 @@ class Standing:
         yield verdict if possible else self._refused(many, (*moves, *used))
 
     def _feet(self, friction: float) -> Sequence[Constraint]:
-        return self.robot.feet(friction, facets=self.facets)
+        return self.robot.feet(friction, facets=self.facets, on=self.ground)
 
     def _unpushed(self, feet: Sequence[Constraint]) -> Actuation | None:
         found = hold_many(self.robot, self.state.q[None], feet)

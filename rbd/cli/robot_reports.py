@@ -15,8 +15,10 @@ from rich.text import Text
 
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first
+from rbd.cli.ground_option import standing_on
 from rbd.cli.terminal import TerminalTable, facts, in_commands, in_gravity, in_options, save_figure, timed
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import CannotHold, InputError, ModelWarning, RbdError
 from rbd.installation import in_use
 from rbd.model.external import ExternalForce
@@ -358,6 +360,7 @@ def report_region(
     margin: float,
     torque_limits: bool,
     gravity: str | None = None,
+    ground: float | Terrain | None = None,
 ) -> RegionReport:
     """The report of a robot on its feet; with torque limits asked for, that region first.
 
@@ -371,7 +374,7 @@ def report_region(
     if not robot.source.feet:
         raise InputError(f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do.")
     with timed(seconds, "regions"):
-        state, feet = robot.standing(posture), robot.feet(friction)
+        state, feet = standing_on(robot, posture, ground), robot.feet(friction, on=0.0 if ground is None else ground)
         out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
         out["torques of any size"] = support_region(state, feet, margin=margin)
     return RegionReport(out, seconds)

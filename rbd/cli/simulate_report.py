@@ -15,11 +15,13 @@ import pinocchio as pin
 from rich.console import Group
 from rich.text import Text
 
+from rbd.cli.ground_option import standing_on
 from rbd.cli.mechanism_report import assembled
 from rbd.cli.terminal import facts, numbers_of, save_figure
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.posture_control import HoldPosture
 from rbd.control.schedules import Controller, Push
 from rbd.errors import InputError
@@ -256,6 +258,7 @@ def setup(
     hold: bool | None = None,
     bodies: bool | None = None,
     stops: bool = False,
+    ground: float | Terrain | None = None,
 ) -> SimulationSetup:
     """Default setup for a robot.
 
@@ -270,16 +273,19 @@ def setup(
         bodies: Whether all other collision shapes of its file may touch the ground z = 0 too; what has no feet and floats is
             then laid on it. None: where a robot on feet has such shapes, so that one that falls ends on the ground.
         stops: Whether its joints stop at the limits of its file.
+        ground: What it touches; None: z = 0.
 
     Raises:
         CannotHold: the posture cannot be held; names the limit that prevents it.
         CannotAssemble: its loops do not close.
-        InputError: unknown names, a friction that is none.
+        CannotReach: its feet do not come onto the ground.
+        InputError: unknown names, a friction that is none, ground for a robot that touches nothing.
     """
     held = (*robot.loops(), *robot.wheels())
     feet: tuple[Constraint, ...] = ()
+    on = 0.0 if ground is None else ground
     if robot.source.feet and robot.floating:
-        state, feet = robot.standing(posture), tuple(robot.feet(friction))
+        state, feet = standing_on(robot, posture, ground), tuple(robot.feet(friction, on=on))
     else:
         name = posture or robot.source.posture or next(iter(robot.postures), None)
         state = assembled(robot, held, robot.at(name))
@@ -287,6 +293,8 @@ def setup(
     shapes = tuple(g.name for g in robot.collision_model.geometryObjects if g.parentJoint not in {0, *soles})
     if bodies is None:
         bodies = bool(feet and shapes)
+    if ground is not None and not feet and not bodies:
+        raise InputError(f"--ground is of no use: {robot.name} has no feet that are known, and touches nothing (--bodies).")
     constraints = (*feet, *held)
     holds = bool(feet) or not (held or robot.floating) if hold is None else hold
     controller = HoldPosture(state, constraints) if holds and robot.nu else None
@@ -296,7 +304,7 @@ def setup(
     elif not feet and not robot.wheels() and not bodies and robot.root != "fixed":
         limits.append("it touches nothing (--bodies lets all shapes touch the ground)")
     if bodies:
-        others = CollisionContacts(BODIES, robot, friction=friction, ground=shapes)
+        others = CollisionContacts(BODIES, robot, friction=friction, ground=shapes, on=on)
         constraints = (*constraints, others)
         if robot.floating and not (feet or held):
             state = _laid(state, others)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
+from rbd.cli.ground_option import GroundOption, ground_of, standing_on
 from rbd.cli.terminal import (
     FIGURES,
     NO_SOLUTION,
@@ -56,6 +57,7 @@ def stand(
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    ground: GroundOption = None,
     gravity: Gravity = None,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
@@ -99,7 +101,8 @@ def stand(
         out = None if out is None else out.expanduser()  # the ~ of --out=~/push.zarr, which a shell leaves
         if sweep:
             _only(
-                {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose, "--gravity": gravity},
+                {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose, "--gravity": gravity}
+                | {"--ground": ground},
                 "is of one case; --sweep has many",
             )
             _only(
@@ -130,13 +133,16 @@ def stand(
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=robot)
         check_friction(friction, facets)
         slip_law(law)
+        on = None if ground is None else ground_of(ground)
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_))
             loaded = in_gravity(loaded, gravity)
         _on_feet(loaded)
         with timed(seconds, "stand"):
-            state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
+            state = standing_on(loaded, posture, on)
+            under = 0.0 if on is None else on
+            feet = loaded.feet(friction, facets=facets, on=under)
         at = heaviest_link(loaded) if at is None else at
         external = [] if force is None else [ExternalForce(at, force)]
         for e in external:
@@ -161,7 +167,7 @@ def stand(
                     from rbd.cli.live_standing import Standing
                     from rbd.visual.live import explore
 
-                    live = Standing(scene, loaded, state, facets)
+                    live = Standing(scene, loaded, state, facets, under)
                     with explore(scene, live.controls(force, at, friction, law, braced), live.answer) as page:
                         serve(console, page.open())
         if isinstance(against, CannotHold):
@@ -174,6 +180,7 @@ def region(
     friction: Friction = 0.7,
     margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    ground: GroundOption = None,
     gravity: Gravity = None,
     package_dir: PackageDirs = None,
     png: Annotated[Path | None, typer.Option(help="Draw it from above, .png, .svg or .pdf.")] = None,
@@ -190,8 +197,9 @@ def region(
     with answering(region):
         check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
         report = report_region(
-            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity
-        )
+            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity,
+            ground=None if ground is None else ground_of(ground),
+        )  # fmt: skip
         print_report(console, report, json_, verbose)
         write_outputs(console, ("picture", png, partial(draw, report.regions)))
 

@@ -19,6 +19,7 @@ import pinocchio as pin
 from rbd.arrays import Array, largest_first, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
 from rbd.constraints.descent import Residual, Space, StationaryPoint, descend, minimise
+from rbd.constraints.surface import On
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
 from rbd.errors.inputs import check_kind
@@ -126,8 +127,9 @@ class FoundPose(Displayed):
 
 def find_pose(
     robot: Robot,
-    targets: Mapping[Any, Where],
+    targets: Mapping[Any, Where] | None = None,
     *,
+    ground: On = 0.0,
     posture: str | Array | State | None = None,
     com: Sequence[float] | Array | None = None,
     loops: bool = True,
@@ -139,7 +141,7 @@ def find_pose(
         feet and contacts    (x, y, z): position of the centre; a sole (or an edge) is flat on the ground, its heading free
                              ((x, y, z), n): the same, with z along the unit vector n
                              rbd.Ground(point=..., normal=...), or a height [m]: on that plane, a sole flat, anywhere
-                             None: the same for its own ground, z = 0 by default
+                             None: the same for its own ground; on terrain over the place that it has in the posture
                              pinocchio.SE3: position and axes of a sole
         frames               (x, y, z): position of the origin. ((x, y, z), n): z along n too. pinocchio.SE3: position and axes.
                              rbd.Ground: the origin on that plane, anywhere
@@ -153,7 +155,8 @@ def find_pose(
 
     Args:
         robot: The robot.
-        targets: {foot, contact or frame: place}.
+        targets: {foot, contact or frame: place}; None: all its feet, on their ground.
+        ground: That under the feet which are given by name: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         posture: Initial configuration, and the one to stay near: a name, q, or a state; by default the standing posture, else
             the neutral one. Joints beyond their limits are first moved onto them.
         com: Position of the centre of mass, (x, y) or (x, y, z) in W [m].
@@ -177,9 +180,10 @@ def find_pose(
         True 0.18 rad
     """
     check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
-    asked, place = read_targets(robot, targets), read_com(com)
+    q = _posture(robot, posture)
+    asked, place = read_targets(robot, targets, ground, State(robot, q)), read_com(com)
     search = _PoseSearch(robot, asked, place, with_loops(robot, (), loops))
-    q0 = search.inside(_posture(robot, posture))
+    q0 = search.inside(q)
     proof = out_of_reach(robot, asked)
     tried = [search.descend(q0)]
     if search.met(tried[0]):

@@ -13,7 +13,8 @@ import pinocchio as pin
 from rbd.arrays import Array, as_finite, as_float, as_vector3, check_finite
 from rbd.constraints.constraint import made, member
 from rbd.constraints.contact import Contact
-from rbd.constraints.surface import shortest_turn, standing_plane
+from rbd.constraints.surface import On, shortest_turn, standing_plane
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import FrameNotFound, InputError, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
@@ -144,29 +145,37 @@ def misses(robot: CheckedModel, q: Array, targets: Sequence[Target], com: Centre
     return out
 
 
-def read_targets(robot: CheckedModel, targets: object) -> list[Target]:
+def read_targets(robot: CheckedModel, targets: object, ground: On, posture: State) -> list[Target]:
     """The targets of `find_pose`, checked.
+
+    Args:
+        robot: The robot.
+        targets: As of `find_pose`.
+        ground: Under the feet.
+        posture: Where feet on terrain are that have no place of their own.
 
     Raises:
         InputError: not a mapping, an empty one, or invalid places.
         FrameNotFound: no foot and no frame of this name; with the nearest of both.
         DuplicateName: two targets with the same name.
     """
+    known: Iterable[Contact] = robot.feet(None, on=ground) if isinstance(robot, Robot) and robot.source.feet else ()
+    feet = {foot.name: foot for foot in known}
+    if targets is None and feet:
+        targets = dict.fromkeys(feet)
     if not isinstance(targets, Mapping) or not targets:
         raise InputError(
             f"targets is {targets!r:.80}; expected {{foot, contact or frame: place}}, "
             "e.g. {'left_sole': (0, 0.1, 0), 'right_sole': (0, -0.1, 0)}."
         )
-    known: Iterable[Contact] = robot.feet(None) if isinstance(robot, Robot) and robot.source.feet else ()
-    feet = {foot.name: foot for foot in known}
     out: list[Target] = []
     for what, where in targets.items():
         if isinstance(what, str):
-            found = _of_contact(feet[what], where) if what in feet else _of_frame(robot, feet, what, where)
+            found = _of_contact(feet[what], where, posture) if what in feet else _of_frame(robot, feet, what, where)
         elif member(what, "corners") is None or member(what, "placement") is None:  # of a contact
             raise InputError(f"{what!r:.80} is not a target; expected the name of a foot or a frame, or a contact.")
         else:
-            found = _of_contact(made(what), where)  # type: ignore[arg-type]
+            found = _of_contact(made(what), where, posture)  # type: ignore[arg-type]
         robot.site(found.frame)
         out.append(found)
     check_different([target.name for target in out], "targets")
@@ -184,9 +193,12 @@ def read_com(com: object) -> CentreOfMass | None:
     return CentreOfMass(_near("com", as_finite("com", com, (2,), (3,), meaning=": (x, y) or (x, y, z) in W [m]")))
 
 
-def _of_contact(contact: Contact, where: object) -> Target:
-    """A contact on a plane, or its centre at a point with a direction, or at a pose."""
+def _of_contact(contact: Contact, where: object, posture: State) -> Target:
+    """A contact on a plane, or its centre at a point with a direction, or at a pose; on terrain where it is in a posture."""
     X_FP, name, flat = _patch(contact), contact.name, len(contact.corners) > 1
+    if where is None and isinstance(contact.on, Terrain):
+        x, y, _ = (posture.frame(contact.frame).X_WF * X_FP).translation.tolist()
+        where = np.array(contact.on.ground_at(x, y).point)
     height = as_float(where)
     place: Any = where.translation if isinstance(where, pin.SE3) else where
     plane = FLOOR if isinstance(where, Ground) else standing_plane(name, contact.on, place)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pinocchio as pin
 
-from rbd.arrays import Array, locked
+from rbd.arrays import Array, as_float, locked
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
@@ -33,7 +33,7 @@ from rbd.robots.diagnosis import ModelReport
 from rbd.robots.feet import contacts_of
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
-from rbd.robots.posture import settled, stand, warn_of_gaps
+from rbd.robots.posture import place_on_ground, settled, stand, warn_of_gaps
 from rbd.robots.rotors import file_damping, file_springs, rotors_of
 
 
@@ -165,7 +165,7 @@ class Robot(ShapedRobot):
                 f"robot.at().with_joints({{{declared[0]!r}: ...}}), or give an array in the order of robot.joints."
             )
 
-    def standing(self, posture: str | None = None) -> State:
+    def standing(self, posture: str | None = None, *, ground: On = 0.0) -> State:
         """At rest on its feet: soles (or points) on z = 0 to 1e-9 m, the base turned so that they lie flat.
 
         Joint angles are those of the posture; where its file's digits leave soles leaning on each other, joints move by up to
@@ -179,11 +179,15 @@ class Robot(ShapedRobot):
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
                 in the neutral configuration.
+            ground: Under its feet, if that is not z = 0: a height [m], `rbd.Ground` or `rbd.Terrain`. A floating base is then
+                placed as by `rbd.robots.place_on_ground`; `rbd.find_pose(robot, ground=...)` moves joints too.
 
         Raises:
-            InputError: an unknown posture.
+            InputError: an unknown posture; no ground under the feet.
             ModelError: no feet are known for this robot, or it has several postures and no default.
         """
+        if as_float(ground) != 0.0:
+            return place_on_ground(self.standing(posture), self.feet(friction=None, on=ground))
         name = self.source.posture if posture is None else posture
         if name is None and len(self.postures) == 1:
             name = next(iter(self.postures))

@@ -286,7 +286,7 @@ def check_certificate(robot: rbd.Robot, targets: dict, error: CannotReach) -> No
         if name in error.limits:  # and at a limit it points outwards
             assert (error.limits[name] > 0.0) == (upper[i] < 1e-12) and (error.limits[name] < 0.0) == (lower[i] > -1e-12)
     for name, miss in error.misses.items():  # distances, by the state's own kinematics
-        target = next(t for t in read_targets(robot, targets) if t.name == name)
+        target = next(t for t in read_targets(robot, targets, 0.0, rbd.State(robot, pin.neutral(robot.model))) if t.name == name)
         X_WP = robot.at(error.q).frame(target.frame).X_WF * target.X_FP
         assert abs(float(np.linalg.norm(X_WP.translation - target.point)) - miss.distance) < 1e-12
 
@@ -307,7 +307,7 @@ class Within(Space[Residual]):
 
 def lengths_and_angles(robot: CheckedModel, targets: dict):
     """Errors of targets, lengths over the robot's own, written anew."""
-    asked: list[Target] = read_targets(robot, targets)
+    asked: list[Target] = read_targets(robot, targets, 0.0, rbd.State(robot, pin.neutral(robot.model)))
 
     def errors(state: rbd.State) -> tuple[np.ndarray, np.ndarray]:
         found = [(*t.errors(state), t.angles) for t in asked]
