@@ -286,7 +286,8 @@ def check_certificate(robot: rbd.Robot, targets: dict, error: CannotReach) -> No
         if name in error.limits:  # and at a limit it points outwards
             assert (error.limits[name] > 0.0) == (upper[i] < 1e-12) and (error.limits[name] < 0.0) == (lower[i] > -1e-12)
     for name, miss in error.misses.items():  # distances, by the state's own kinematics
-        target = next(t for t in read_targets(robot, targets, 0.0, rbd.State(robot, pin.neutral(robot.model))) if t.name == name)
+        asked = read_targets(robot, targets, 0.0, rbd.State(robot, pin.neutral(robot.model)))
+        target = next(t for t in asked if t.name == name)
         X_WP = robot.at(error.q).frame(target.frame).X_WF * target.X_FP
         assert abs(float(np.linalg.norm(X_WP.translation - target.point)) - miss.distance) < 1e-12
 
