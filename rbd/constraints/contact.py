@@ -245,6 +245,10 @@ class Contact(Displayed):
             raise InputError(f"the friction of contact {self.name!r} is its terrain's, {self.on.friction:g}; give it there.")
         return self._again(friction=mu, facets=self.facets if facets is None else facets)
 
+    def with_ground(self, on: On) -> Self:
+        """The same contact on another surface; its anchor, if it has one, is on the other one."""
+        return self._again(on=on)
+
     def of_corners(self, chosen: Sequence[int]) -> Self:
         """The same contact at some of its corners: all its rows up to three on a line, which are an edge; or a point."""
         return self._again(corners=self.corners[list(chosen)])

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_number
 from rbd.constraints.constraint import Constraint, member
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.contact_schedule import ContactSchedule, Interval
 from rbd.control.force_tasks import MomentumTask
 from rbd.control.schedules import check_model
@@ -184,6 +185,8 @@ def follow(
     30 ms before a foot is to touch its target sinks at 50 mm/s, by 10 mm at most, until it does: one that is late would
     otherwise hover, and the robot fall.
 
+    On terrain (`motion.ground`) its feet touch that; where it has a coefficient of friction the controller counts on that one.
+
     What the motion's robot carries (`motion.carrying`) the controller reckons with; in `robot` it may weigh more or less.
 
     Args:
@@ -261,5 +264,7 @@ def follow(
         tasks.append(FrameTask(hand, partial(targets.hand, hand), position_cost=30.0, orientation_cost=3.0, gain=900.0))
     # A foot is lifted when the motion lifts it: one that were kept until the other lands would be dragged along.
     schedule = ContactSchedule(times, fade=FADE, flight=True, parts=parts)
+    if isinstance(ground := member(motion, "ground"), Terrain):
+        feet, friction = [foot.with_ground(ground) for foot in feet], friction if ground.friction is None else ground.friction
     contacts = [foot.with_friction(friction, facets=FACETS) for foot in feet]
     return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot)
