@@ -414,3 +414,13 @@ def test_meshes_are_convex_parts(tmp_path):
 def test_what_is_refused(make, says):
     with pytest.raises(rbd.InputError, match=says):
         make()
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.0, 0.0, 5e-7), (3e-7, 0.0, 1e-6), (0.0, 0.3, -1e-7)])
+def test_the_bottom_of_a_valley_is_on_both_planes(at):
+    """A point at the bottom of two half-spaces touches both, also within the length at which pieces are joined."""
+    normals = np.array([[-0.2, 0.0, 1.0], [0.1, 0.0, 1.0]]) / np.sqrt([[1.04], [1.01]])
+    valley = rbd.Terrain({f"{i}": rbd.Ground(point=(0, 0, 0), normal=n) for i, n in enumerate(normals)})
+    found = touched(valley, np.array([at]))
+    np.testing.assert_allclose(found.normals, normals, atol=1e-15)
+    np.testing.assert_allclose(found.gaps, normals @ np.array(at), atol=1e-15)

@@ -441,6 +441,11 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                 dropped[m - begin] = True  # A goes on where B ends
             elif not alike:
                 dropped[m - begin] = within(x + out_of_a, own) > SEAM_M
+                if dropped[m - begin] and which[m, 0] == CORNER and which[h, 0] == CORNER:  # a valley, where both rise
+                    c, lift = dot(normals[h], normals[m]), LIFT_M / np.sqrt(0.5 * dot(turned, turned))
+                    up_b, up_a = lift * (normals[h] - c * normals[m]), lift * (normals[m] - c * normals[h])
+                    rise = max(within(x + up_b, own), within(x + up_a, others)) <= SEAM_M
+                    dropped[m - begin] = not (rise and _is_face(normals[m], own) and _is_face(normals[h], others))
             elif which[m, 0] != CORNER:
                 flat = size > 2 and _is_face(normals[m], own) and _is_face(normals[m], others)
                 dropped[m - begin] = flat or _is_there(places[m], h, min(m, firsts[i + 1]), begin, places, dropped)
