@@ -26,7 +26,7 @@ from rbd.visual.playback.shown_motion import ShownMotion
 from rbd.visual.playback.trajectory_charts import edge_distances
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.stills import SHADE, TREAD, shadow_on, still
-from rbd.visual.terrain_page import corners_of
+from rbd.visual.terrain_alone import corners_of
 
 BOX = rbd.load_robot("box")
 STAIRS = rbd.Terrain.stairs(0.1, 0.3, 3)
@@ -195,7 +195,8 @@ def test_shadows_of_videos_lie_on_treads(browser, tmp_path):
       video.draw(0.0);
       let sun;
       stage.lamps.traverse((each) => { if (each.isDirectionalLight && each.castShadow) sun = each; });
-      const at = (each) => new T.Vector3().setFromMatrixPosition(each.matrixWorld), to = at(sun).sub(at(sun.target)).normalize();
+      const at = (each) => new T.Vector3().setFromMatrixPosition(each.matrixWorld);
+      const to = at(sun).sub(at(sun.target)).normalize();
       const box = new T.Vector3(0.45, 0.32, 0.0), far = (box.y - 0.2) / to.y, paper = video.paper;
       const grey = (x, z) => {
         const p = new T.Vector3(x, 0.2, z).project(stage.viewer.camera);

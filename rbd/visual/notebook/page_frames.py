@@ -22,7 +22,7 @@ from rbd.visual.pages.page import photograph
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_path, check_there
-from rbd.visual.terrain_page import terrain_page
+from rbd.visual.terrain_alone import terrain_page
 
 WIDTH, HEIGHT = 860, 420
 """Size of a picture, in pixels; a frame is as wide as the notebook."""

@@ -34,7 +34,7 @@ from rbd.visual.playback.curves import CurveChart, kept_samples
 from rbd.visual.playback.report_motion import headline_of, report_charts
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.scene import Scene
-from rbd.visual.terrain_page import terrain_page
+from rbd.visual.terrain_alone import terrain_page
 
 MOST_LINES = 40
 """Rows of a table, and lines of a text, that are shown; a line says how many more there are."""
