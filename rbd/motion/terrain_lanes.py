@@ -130,7 +130,7 @@ class OverTerrain:
             self.normals[i, own] = self.normals[i, second] = top[:3]
             slots = np.concatenate([free, second[~whole]])
             self.cut[i, slots], self.rests[i, free] = True, False
-            for x in places[~at_corner]:
+            for x in places[~at_corner][: len(slots)]:  # corners on an edge are crossings too
                 j = int(np.where(self.rests[i, slots], np.inf, np.linalg.norm(self.corners[i, slots] - x, axis=1)).argmin())
                 slot = slots[j]
                 self.places[i, slot], self.heights[i, slot], self.rests[i, slot] = x, x @ top[:3] - top[3], True

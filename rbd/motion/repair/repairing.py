@@ -27,7 +27,7 @@ from rbd.motion.repair.treads import Tread, normals_of
 from rbd.motion.self_collision import BodyPairs
 from rbd.robots.robot import Robot
 
-FAST, DEEP = 0.25, 0.01
+FAST, DEEP = 0.1, 0.01
 """A foot that is faster than this [m/s] while it is this deep [m] is on its way through a tread: it does not stand."""
 EARLY = 0.1
 """An edge of a sole carries so long before the sole leans on it, and after [s]."""

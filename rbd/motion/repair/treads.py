@@ -26,8 +26,10 @@ BESIDE, INSIDE = 0.008, 0.004
 """Soles keep this far from what rises beside a tread; what carries of them is so far inside its edges [m]."""
 NEAR = 0.6
 """Treads and obstacles this near to a sole count [m]."""
-CLEAR_OVER, WIDER = 0.025, 0.015
-"""In the middle of a step soles are so high over what they pass; and they count as this much wider [m]."""
+CLEAR_OVER, WIDER = 0.025, 0.005
+"""In the middle of a step soles are so high over what they pass; and they count as this much wider, less than `BESIDE` [m]."""
+MOST_RISE = 2.0
+"""Steps are raised by at most this many times what is needed: what is passed right before a foot lands is hit."""
 RISES_M = 2e-3
 """What is higher by more over the planes between two treads counts as passed [m]."""
 AT_ENDS = 0.12
@@ -180,13 +182,14 @@ def tilts_of(planes: Array) -> Array:
 
 
 def nearest_within(p: Array, A: Array, b: Array) -> Array:
-    """The point nearest to p, shape (2,), with A x <= b; where there is none, one that misses the rows by least."""
+    """The point nearest to p, shape (2,), with A x <= b; where there is none, of those that miss the rows by least."""
     if (A @ p <= b).all():
         return p
-    if (found := least_distance(-A, A @ p - b)) is not None:
-        return np.asarray(p + found[0])
-    middle = linear_program(np.array([0.0, 0.0, 1.0]), np.column_stack([A, -np.ones(len(A))]), b)
-    return np.asarray(middle.x[:2]) if middle.x.size else p
+    found = least_distance(-A, A @ p - b)
+    if found is None:
+        least = linear_program(np.array([0.0, 0.0, 1.0]), np.column_stack([A, -np.ones(len(A))]), b)
+        found = least_distance(-A, A @ p - b - least.value - 1e-6) if least.x.size else None
+    return np.asarray(p if found is None else p + found[0])
 
 
 def part_on(tread: Tread, points: Array) -> Array:
@@ -211,12 +214,13 @@ def raise_of(need: Array, u: Array) -> Array:
     """
     if (need <= 0.0).all():
         return np.zeros(len(u))
-    best, least = np.zeros(len(u)), np.inf
+    best, least, most = np.zeros(len(u)), np.inf, MOST_RISE * float(need.max())
     for a in RISES:
         for b in RISES:
             shape = minimum_jerk_way(np.clip(u / a, 0.0, 1.0)) * minimum_jerk_way(np.clip((1.0 - u) / b, 0.0, 1.0))
-            size = float((np.maximum(need, 0.0) / np.maximum(shape, 1e-3)).max())
-            if (cost := size * (a**-2 + b**-2)) < least:
+            size = float((np.maximum(need, 0.0) / np.maximum(shape, 1e-9)).max())
+            size, missed = min(size, most), max(size / most, 1.0)
+            if (cost := missed * size * (a**-2 + b**-2)) < least:
                 best, least = size * shape, cost
     return best
 
@@ -238,11 +242,11 @@ def needed_rise(terrain: Terrain, points: Array, planes: Array, u: Array) -> Arr
 
 
 def sole_points(corners: Array) -> Array:
-    """Points over a sole that is a little wider, about 4 cm apart, in its own axes, shape (j, 3); of few corners those."""
+    """Points over a sole that is a little wider, up to 15 mm apart, in its own axes, shape (j, 3); of few corners those."""
     if len(corners) < 3:
         return corners
     low, high = corners.min(axis=0) - WIDER, corners.max(axis=0) + WIDER
-    x, y = (np.linspace(low[i], high[i], 2 + int((high[i] - low[i]) / 0.04)) for i in (0, 1))
+    x, y = (np.linspace(low[i], high[i], 2 + int((high[i] - low[i]) / 0.015)) for i in (0, 1))
     grid = np.array(np.meshgrid(x, y)).reshape(2, -1).T
     return np.column_stack([grid, np.full(len(grid), corners[:, 2].min())])
 
