@@ -95,7 +95,9 @@ class Feet:
 
     def at(self, R: Array, p: Array) -> Feet:
         """The same feet where joints are placed so, as `placements`."""
-        turned = R[:, self.joint]
+        turned, n = R[:, self.joint], len(p)
+        if len(self.planes) != n:  # of other frames
+            return replace(self, lean=np.zeros((n, len(self.joint))), planes=np.zeros((n, len(self.joint), 3))).at(R, p)
         return replace(self, R=turned @ self.R_J, p=p[:, self.joint] + np.matmul(turned, self.p_J[:, :, None])[..., 0])
 
     @lazy
