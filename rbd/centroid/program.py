@@ -1,6 +1,6 @@
 """The centroid's program: centre of mass, rate of angular momentum and contact forces over a whole motion, by one cone program.
 
-    m (c[k-1] - 2 c[k] + c[k+1]) / dt^2 = sum_i f_i + m g,        L_dot = sum_i (p_i - c) x f_i,        |f_t| <= mu f_z
+    m (c[k-1] - 2 c[k] + c[k+1]) / dt^2 = sum_i f_i + m g,        L_dot = sum_i (p_i - c) x f_i,        |f_t| <= mu f_n
 
 The moment is bilinear in c and f. About a plan (c0, F0) that is known, F = sum f_i, it is
 
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, cross_matrices, each_times
+from rbd.constraints.convex.polygons import across
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 
@@ -119,6 +120,7 @@ class CentroidProgram(Displayed):
         limits: (at, C, h): the sum of C_i . f_i over the points is at most h, softly, in m rows of times `at`, as torques of
             motors have it; shapes (m,), (m, k, 3) [1/N] and (m,).
         costs: See `CentroidCosts`.
+        normals: Of what is under the points: their friction cones are about these, shape (n, k, 3); None: level.
     """
 
     dt: float
@@ -134,6 +136,7 @@ class CentroidProgram(Displayed):
     rests: tuple[bool, bool] = (False, False)
     limits: tuple[Array, Array, Array] | None = None
     costs: CentroidCosts = field(default_factory=CentroidCosts)
+    normals: Array | None = None
 
     def __repr__(self) -> str:
         n, k = self.touches.shape
@@ -188,8 +191,11 @@ class CentroidProgram(Displayed):
             A.put(each, excess, [0], [0], -1.0)
         m = len(h) + 2 * len(times)
         cone = equal + m + 3 * np.arange(E)
-        for row, column, factor in ((0, 2, self.friction), (1, 0, 1.0), (2, 1, 1.0)):
-            A.put(cone + row, force + column, [0], [0], -factor)
+        if self.normals is None:
+            for row, column, factor in ((0, 2, self.friction), (1, 0, 1.0), (2, 1, 1.0)):
+                A.put(cone + row, force + column, [0], [0], -factor)
+        else:
+            A.block(cone, force, -self._cones(self.normals[k, i]))
 
         R, t = self._wanted(k, i, force, shift)
         M = A.matrix(equal + m + 3 * E, over + len(times))
@@ -228,6 +234,12 @@ class CentroidProgram(Displayed):
     def _numbers(self) -> Array:
         """Of the force at each point, shape (n, k); -1 in the air, where it is zero."""
         return np.where(self.touches, np.cumsum(self.touches).reshape(self.touches.shape) - 1, -1)
+
+    def _cones(self, normals: Array) -> Array:
+        """(mu n, t1, t2) as rows, shape (E, 3, 3): a force f is in its cone where |(t1 . f, t2 . f)| <= mu n . f."""
+        different, at = np.unique(normals, axis=0, return_inverse=True)
+        axes = np.array([[self.friction * n, *across(n)] for n in different]).reshape(-1, 3, 3)
+        return np.asarray(axes[at.ravel()])
 
     def _limits(self) -> tuple[Array, Array, Array]:
         return self.limits or (np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0))

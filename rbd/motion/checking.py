@@ -16,6 +16,7 @@ from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.motion import causes as why
+from rbd.motion.check_settings import CheckSettings
 from rbd.motion.contact_detection import NOISE, TOUCH_HEIGHT, TOUCH_SPEED, find_contacts
 from rbd.motion.contact_lanes import REST_SPEED, TOUCHES_M
 from rbd.motion.contact_timeline import ContactTimeline
@@ -23,7 +24,7 @@ from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_s
 from rbd.motion.grasps import Grasps
 from rbd.motion.missing_wrench import least_effort, nearest_acceleration
 from rbd.motion.reference_motion import Motion
-from rbd.motion.report import HEIGHTS, CheckSettings, MotionReport
+from rbd.motion.report import HEIGHTS, MotionReport
 from rbd.motion.self_collision import self_collisions
 from rbd.simulation.progress_bar import progress_of
 from rbd.solvers.cone_least_squares import nearest_in_cones

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -22,6 +22,7 @@ from rbd.model.motors import torque_use
 from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
 from rbd.motion.causes import CAUSES, FIGURES, beyond_position, beyond_speed, torque_bounds
+from rbd.motion.check_settings import CheckSettings
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.feet_faults import ANGLE, EXCESS, MISSING, SPEED, FeetFaults, grade
@@ -55,23 +56,6 @@ _SIZES = {
     **dict.fromkeys(FIGURES["balance"], (1e2, "% of the weight missing")),
 }
 """{cause: (factor, words) with which the size of its worst frame is told}."""
-
-
-@dataclass(frozen=True)
-class CheckSettings(Displayed):
-    """What a motion was checked with; as the arguments of `check_motion`."""
-
-    friction: float
-    torque_limits: bool | float
-    ground: float | str | Terrain | None
-    threshold: float
-    bodies: bool
-    self_collision: bool
-    torque_speed: Mapping[str, tuple[float, float]] | None
-    touch_height: float
-    touch_speed: float
-    rest_speed: float
-    grasp_tolerance: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -344,8 +328,10 @@ class MotionReport(Displayed):
         1. Contacts: stances of each foot from the report's lanes (`check_motion(contacts=)` takes edited ones), without those
            and steps that are too short to make; feet that change share the load for 0.1 s; a foot that drifts or turns while
            it stands makes one more step where there is time.
-        2. Feet: fixed in stances, level on the floor or, where the lanes have an edge of a sole alone, leaning on their toes or
-           heels as the reference does; smooth and above the floor between.
+        2. Feet: fixed in stances, flat on the floor or, where the lanes have an edge of a sole alone, leaning on their toes or
+           heels as the reference does; smooth and above the floor between. On terrain they are flat on the tread under them,
+           level or not, moved by as little as puts what carries of a sole, its inner 0.75, inside the tread's edges, and all of
+           it beside what rises there; and between 25 mm above what they pass.
         3. Centroid: the trajectory of the centre of mass and of angular momentum nearest to the reference for which forces in
            friction cones at the stances exist at all times; stances may shift (`rbd.centroid`).
         4. Posture: poses over the whole motion near the reference, with feet on their paths, these forces, torques and joints
@@ -377,8 +363,6 @@ class MotionReport(Displayed):
         level = found = self.lanes.ground
         if settings.ground in (None, "fit") and not isinstance(found, Terrain) and not isinstance(m.ground, Terrain):
             level = m.ground
-        if self.lanes.axes is not None:
-            raise InputError(f"the motion is on slopes of {found}; expected level tops to repair it on.")
         if pace == 1.0 and self.possible.all():
             raised = 0.0 if isinstance(level, Terrain) or isinstance(found, Terrain) else level - found
             same, lanes = m, self.lanes

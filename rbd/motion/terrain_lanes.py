@@ -80,7 +80,7 @@ class OverTerrain:
             if len(tops) != len(terrain.pieces):
                 tops = np.array([piece.faces[piece.faces[:, 2].argmax()] for piece in terrain.pieces])
             for s, own in enumerate(soles):
-                out._stand(i, own, second[own], found, np.flatnonzero(found.which[:, 5] == s), ups[i, s], tops)
+                out._stand(terrain, i, own, second[own], found, np.flatnonzero(found.which[:, 5] == s), ups[i, s], tops)
         used = np.ones(len(points), bool)
         used[k:] = out.rests[:, k:].any(axis=0)
         changed = {name: getattr(out, name)[:, used] for name in ("corners", "places", "heights", "rests", "cut", "normals")}
@@ -99,8 +99,13 @@ class OverTerrain:
         axes = self.axes
         return replace(lanes, places=self.places[:, kept], cut=self.cut[:, kept], axes=None if axes is None else axes[:, kept])
 
-    def _stand(self, i: int, own: Array, second: Array, found: Touches, near: Array, up: Array, tops: Array) -> None:
-        """Frame i of a sole: what it is over, by the points at which it is near to pieces."""
+    def _stand(
+        self, terrain: Terrain, i: int, own: Array, second: Array, found: Touches, near: Array, up: Array, tops: Array
+    ) -> None:
+        """Frame i of a sole: what it is over, by the points at which it is near to pieces.
+
+        Over an edge they are those of the sole laid flat onto the top: one that is tilted by a millionth touches with a point.
+        """
         is_under = found.normals[near] @ up > BESIDE
         under, walls = near[is_under], near[~is_under]
         depth = min(0.0, float(found.gaps[walls].min(initial=0.0)))
@@ -108,7 +113,15 @@ class OverTerrain:
         if len(under):
             top = tops[found.which[under[found.gaps[under].argmin()], 3]]
             under = under[np.abs(tops[found.which[under, 3]] - top).max(axis=1) <= LEVEL_M]
-            places, kinds = found.places[under], found.which[under]
+            places, kinds, n = found.places[under], found.which[under], top[:3]
+            if np.count_nonzero(kinds[:, 0] == 0) < len(own):
+                corners = self.corners[i, own]
+                flat = corners - np.outer(corners @ n - top[3], n)
+                plate = Plates(np.ascontiguousarray(flat), np.array([0, len(own)]), n[None].copy(), np.zeros(1))
+                laid = Touches.of(terrain.polytopes, plate, LEVEL_M)
+                over = (laid.normals @ n > BESIDE) & (np.abs(tops[laid.which[:, 3]] - top).max(axis=1) <= LEVEL_M)
+                kinds, places = laid.which[over], laid.places[over]
+                places = places + np.outer((corners[0] - places) @ up / (n @ up), n)
             at_corner = kinds[:, 0] == 0
             whole = np.zeros(len(own), bool)
             whole[kinds[at_corner, 1]] = True
@@ -117,7 +130,7 @@ class OverTerrain:
             self.normals[i, own] = self.normals[i, second] = top[:3]
             slots = np.concatenate([free, second[~whole]])
             self.cut[i, slots], self.rests[i, free] = True, False
-            for x in places[~at_corner]:
+            for x in places[~at_corner][: len(slots)]:  # corners on an edge are crossings too
                 j = int(np.where(self.rests[i, slots], np.inf, np.linalg.norm(self.corners[i, slots] - x, axis=1)).argmin())
                 slot = slots[j]
                 self.places[i, slot], self.heights[i, slot], self.rests[i, slot] = x, x @ top[:3] - top[3], True

@@ -21,6 +21,7 @@ from rbd.visual.playback.video import export_video
 from rbd.visual.scene import Scene
 from rbd.visual.side_by_side import contact_sheet, scenes_beside
 from rbd.visual.style import contact_colors
+from rbd.visual.terrain_alone import export_terrain as export_terrain, show_terrain as show_terrain
 
 __all__ = [
     "Browser",

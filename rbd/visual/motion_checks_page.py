@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, PictureError
 from rbd.installation import VERSION
 from rbd.model.output_files import write_text
@@ -117,8 +118,14 @@ def export_motion_checks(checks: Any, folder: str | os.PathLike[str], *, pages: 
     for file, numbers in checks.ranked[::-1][:pages]:
         report, name = checks.report(file), _free(Path(file).stem, links.values())
         links[file] = report.export(place / name, **settings).name
+        level = report.lanes.ground
         stills = [
-            still(report.motion.robot, np.array(x["worst"]["q"]), ground=x["ground_m"], push=x["worst"]["missing"])
+            still(
+                report.motion.robot,
+                np.array(x["worst"]["q"]),
+                ground=level if isinstance(level, Terrain) else x["ground_m"],
+                push=x["worst"]["missing"],
+            )
             for x in _both(numbers)
         ]
         worst.append(_card(file, numbers, links[file], stills))

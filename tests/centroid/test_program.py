@@ -108,3 +108,29 @@ def test_what_has_no_answer_is_said() -> None:
     base = program(at(0.0))
     with pytest.raises(NoSolution, match="centroid's program of 60 times"):
         CentroidProgram(**(vars(base) | {"stance": np.zeros((N, 4), int), "bounds": bounds})).solve()
+
+
+def test_cones_about_the_normals_of_slopes():
+    """On a slope steeper than friction nothing rests; on a flatter one the weight is carried, in cones about the normal."""
+    slope = np.tan(np.deg2rad(12.0))
+    normal = np.array([-slope, 0.0, 1.0]) / np.hypot(1.0, slope)
+    points = SOLE + [0.0, 0.0, 1.0] * (slope * SOLE[:, :1])
+    com = np.tile([0.0, 0.0, 0.5], (N, 1))
+    base = CentroidProgram(
+        DT, MASS, DOWN, np.tile(points, (N, 1, 1)), np.ones((N, 4), bool), 1.1 * slope, com, np.zeros((N, 3)),
+        rests=(True, True), normals=np.tile(normal, (N, 4, 1)),
+    )  # fmt: skip
+    plan = base.solve()
+    for _ in range(8):
+        plan = base.solve(plan)
+    total = plan.forces.sum(axis=1)
+    np.testing.assert_allclose(total[N // 2], -MASS * DOWN, atol=0.02 * MASS * 9.81)
+    along = plan.forces @ normal
+    assert (np.linalg.norm(plan.forces - along[..., None] * normal, axis=2) <= 1.1 * slope * along + 1e-3).all()
+    with pytest.raises(NoSolution):
+        CentroidProgram(**(vars(base) | {"friction": 0.9 * slope})).solve()
+    level = CentroidProgram(
+        **(vars(base) | {"points": np.tile(SOLE, (N, 1, 1)), "normals": np.tile([0.0, 0.0, 1.0], (N, 4, 1))})
+    )
+    plain = CentroidProgram(**(vars(level) | {"normals": None}))
+    np.testing.assert_allclose(solved(level).com, solved(plain).com, atol=1e-5)

@@ -193,3 +193,78 @@ def test_feet_are_put_onto_treads():
     assert after.share_possible > 0.95, str(after)
     end = after.lanes.touches[-1]
     np.testing.assert_allclose(after.lanes.places[-1, end, 2], [-0.01] * 4 + [0.06] * 4, atol=2e-3)
+
+
+@pytest.mark.parametrize("over", [8e-4, 0.03])
+@pytest.mark.parametrize("tilt", [0.0, -1e-6, 1e-5, -1e-4, -1e-3])
+def test_a_sole_tilted_by_a_hair_rests_on_all_of_its_part(over, tilt):
+    """Heels lower by a micrometre do not leave the toes in the air: all points of the part over the tread are known."""
+    pose = pin.SE3(pin.rpy.rpyToMatrix(0.3 * tilt, tilt, 0.0), np.array([0.0, 0.0, 0.0]))
+    lanes = find_contacts(standing(pose), ground=up_to(FRONT - over))
+    rests = lanes.places[0, lanes.touches[0]]
+    assert len(rests) == 8
+    assert rests[:, 0].max() == pytest.approx(FRONT - over, abs=1e-9)
+    np.testing.assert_allclose(rests[:, 0].min(), BACK, atol=2e-3)
+    expected = [X[2] for X in (pose.act(np.array([x, y, 0.0])) for x, y in rests[:, :2])]
+    np.testing.assert_allclose(rests[:, 2], expected, atol=3e-6)
+
+
+def test_a_sole_is_put_onto_its_tread():
+    """A step that would hang 8 cm over the far edge is moved onto it by as little as carries; the notes say so."""
+    motion, terrain = stepping()
+    edge, toes = terrain.pieces[0].box[3], FRONT + 0.25
+    short = rbd.Terrain.boxes([(-3, -3, -1), (edge, 3, -0.01)], [(edge, -3, -1), (toes - 0.08, 3, 0.06)])
+    repaired = check(motion, short).repaired(progress=False)
+    after = check(repaired, short)
+    assert after.share_possible > 0.97, str(after)
+    assert any("was put onto box 1" in note for note in repaired.notes), repaired.notes
+    foot = rbd.State(TALOS, repaired.q[-1]).frame(TALOS.soles()[1].frame).X_WF * TALOS.soles()[1].placement
+    corners = np.array([foot.act(c) for c in TALOS.soles()[1].corners])
+    over = corners[:, 0].max() - (toes - 0.08)
+    assert 0.0 < over <= 0.125 * np.ptp(corners[:, 0]) + 1e-3  # the inner three quarters are on the tread
+
+
+def test_a_step_is_raised_over_what_lies_between():
+    """A board, 7 cm high, between two places of a foot, into which the reference steps, is passed without touching it."""
+    foot = TALOS.soles()[1]
+    start = (STAND.frame(foot.frame).X_WF * foot.placement).translation
+    flat = rbd.find_pose(
+        TALOS,
+        {"left_sole": (STAND.frame(TALOS.soles()[0].frame).X_WF * TALOS.soles()[0].placement),
+         "right_sole": pin.SE3(np.eye(3), start + [0.3, 0.0, 0.0])},
+    ).state.q  # fmt: skip
+    reference = rbd.motion.minimum_jerk(TALOS, [STAND.q, STAND.q, flat, flat], [0.0, 1.0, 2.4, 3.4], rate=25.0)
+    X = pin.SE3(np.eye(3), start + [0.15, 0.0, 0.0])
+    board = rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0)), "board": (coal.Box(0.02, 0.25, 0.14), X)})
+    report = check(reference, board)
+    assert least_distance_of(reference, board) < -0.005  # it is 2 cm wide
+    repaired = report.repaired(progress=False)
+    assert least_distance_of(repaired, board) > -1e-3
+    assert check(repaired, board).share_possible > 0.97, str(check(repaired, board))
+
+
+def least_distance_of(motion: rbd.Motion, terrain: rbd.Terrain) -> float:
+    """Of the right sole's corners, middles of sides and centre, from a terrain over a motion [m]."""
+    foot = TALOS.soles()[1]
+    mixed = np.vstack([foot.corners, 0.5 * (foot.corners + np.roll(foot.corners, 1, axis=0)), foot.corners.mean(axis=0)])
+    points = [(rbd.State(TALOS, q).frame(foot.frame).X_WF * foot.placement).act(c) for q in motion.q for c in mixed]
+    return float(terrain.distances(np.array(points)).min())
+
+
+def test_feet_take_the_normal_of_a_slope():
+    """A level stance over a slope of 8 degrees: soles are laid onto it, and forces are in cones about its normal."""
+    slope = np.tan(np.deg2rad(8.0))
+    q = np.tile(STAND.q, (41, 1))
+    q[:, 2] += slope * CORNERS[:, 0].mean()
+    terrain = rbd.Terrain({"slope": rbd.Ground(point=(0, 0, 0), normal=(-slope, 0.0, 1.0) / np.hypot(1.0, slope))})
+    level = rbd.Motion.of_arrays(TALOS, np.linspace(0.0, 1.0, 41), q, trust=True)
+    before = check(level, terrain, friction=0.4)
+    assert before.share_possible < 0.1
+    repaired = before.repaired(progress=False)
+    after = check(repaired, terrain, friction=0.4)
+    assert after.share_possible == 1.0, str(after)
+    normal = np.array([-slope, 0.0, 1.0]) / np.hypot(1.0, slope)
+    for sole in TALOS.soles():
+        axis = (rbd.State(TALOS, repaired.q[20]).frame(sole.frame).X_WF * sole.placement).rotation[:, 2]
+        assert np.arccos(min(axis @ normal, 1.0)) < 1e-3
+    assert check(repaired, terrain, friction=0.5 * slope).share_possible < 0.1

@@ -181,3 +181,16 @@ def test_json_of_a_data_set(checks: MotionChecks) -> None:
     found = json.loads(json.dumps({f.name: f.of(checks) for f in MotionChecks.fields}))
     assert found["together"]["frames"] == checks.together["frames"] and [m["rank"] for m in found["motions"]] == [1, 2, 3]
     assert found["failed"][0]["reason_code"] == 10 and {"balance", "feet", "motors"} < set(found["together"])
+
+
+def test_the_page_of_motions_on_terrain(tmp_path: Path) -> None:
+    """Its pictures stand on the terrain: nothing is asked for the height of a level floor."""
+    solo = rbd.load_robot("solo12")
+    q = solo.standing().q
+    rbd.motion.minimum_jerk(solo, [q, q], [0.0, 0.2], rate=30.0).save(tmp_path / "stand.npz")
+    steps = rbd.Terrain.boxes([(-2, -2, -1), (0, 2, 0.0)], [(0, -2, -1), (2, 2, -0.05)])
+    checks = check_motions(
+        [tmp_path / "stand.npz"], robot="solo12", out=tmp_path / "out.zarr", ground=steps, workers=1, progress=False
+    )
+    page = checks.export(tmp_path / "page").read_text(encoding="utf-8")
+    assert page.count("data:image/png") >= 1 and (tmp_path / "page" / "stand.html").exists()

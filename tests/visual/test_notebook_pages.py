@@ -148,7 +148,7 @@ def test_without_a_browser_there_is_the_page_and_a_sentence(monkeypatch: pytest.
 
 def test_what_has_no_page_is_refused(tmp_path: Path) -> None:
     """With what was given, what is expected, what to try."""
-    with pytest.raises(rbd.InputError, match="expected a scene, a motion, a report, or the path of a page"):
+    with pytest.raises(rbd.InputError, match="expected a scene, a motion, a report, a terrain, or the path of a page"):
         notebook_page(3)  # type: ignore[arg-type]
     with pytest.raises(PictureError, match="no page"):
         notebook_page(tmp_path / "none.html")

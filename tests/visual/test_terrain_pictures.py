@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import rbd
 from rbd.constraints.terrain.plain import plain_of, terrain_of
@@ -16,11 +18,15 @@ from rbd.simulation import Trajectory
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import footprints_of
 from rbd.visual.marks.terrain import ShownTerrain, terrain_marks
+from rbd.visual.pages.page import text_of
+from rbd.visual.playback import video
 from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.shown_motion import ShownMotion
 from rbd.visual.playback.trajectory_charts import edge_distances
 from rbd.visual.robot_meshes import robot_parts
+from rbd.visual.stills import SHADE, TREAD, shadow_on, still
+from rbd.visual.terrain_alone import corners_of
 
 BOX = rbd.load_robot("box")
 STAIRS = rbd.Terrain.stairs(0.1, 0.3, 3)
@@ -144,3 +150,83 @@ def test_its_content(tmp_path):
     for given in ({}, 3, {"friction": None, "pieces": [["a", {"faces": [[0, 0, 1, 0]], "vertices": [], "loops": [[4]]}]]}):
         with pytest.raises(rbd.InputError, match="terrain"):
             terrain_of(given)
+
+
+def floating() -> rbd.Motion:
+    """A box 12 cm over the second tread, which moves 1 cm."""
+    t = np.linspace(0.0, 0.2, 5)
+    q = np.array([[0.45 + 0.05 * each, 0.0, 0.42, 0, 0, 0, 1] for each in t])
+    return rbd.Motion.of_arrays(BOX, t, q, ground=STAIRS, trust=True)
+
+
+def test_shadows_lie_on_treads():
+    """Those of stills fall straight down onto what is under each point; those with nothing under them fall nowhere."""
+    rng = np.random.default_rng(7)
+    places = rng.uniform([-2.5, -0.4, 0.4], [0.9, 0.4, 0.8], (2000, 3))
+    shadows, colors, _ = shadow_on(STAIRS, places)
+    kept = places[places[:, 0] >= -2.0]
+    assert 0.7 * len(places) < len(shadows) == len(kept) == len(colors)
+    np.testing.assert_array_equal(shadows[:, :2], kept[:, :2])
+    np.testing.assert_allclose(shadows[:, 2], 0.1 * np.clip(np.floor(kept[:, 0] / 0.3) + 1.0, 0.0, 3.0), atol=1e-12)
+    inside = (places[:, 0] > 0.1) & (places[:, 1] > 0.1)
+    shadows, _, _ = shadow_on(GRID, places[inside])
+    np.testing.assert_allclose(shadows[:, 2], GRID.solids[0].tops(shadows[:, :2]), atol=1e-12)
+
+
+def test_a_still_shows_the_terrain_and_the_shadow_on_it():
+    """The shadow darkens it, as large as what the camera sees of the box from above; without terrain below there is none."""
+    state = rbd.State(BOX, [0.45, 0.0, 0.6, 0, 0, 0, 1])
+
+    def greys(terrain: rbd.Terrain) -> np.ndarray:
+        picture = Image.open(io.BytesIO(still(BOX, state.q, ground=terrain, size=160))).convert("RGB")
+        return np.asarray(picture, float)[..., 0]
+
+    shade = SHADE * sum(TREAD)
+    on = [int((np.abs(greys(terrain) - shade) < 1.5).sum()) for terrain in (STAIRS, rbd.Terrain.boxes([(5, 5, -1), (6, 6, 0)]))]
+    assert on[0] > 1000 and on[1] < 20, on  # a pixel on an edge may have any grey
+
+
+def test_shadows_of_videos_lie_on_treads(browser, tmp_path):
+    """On the tread under a box a picture of a video is dark where the sun's ray through the box ends, and light beside it."""
+    page = rbd.visual.export_motion(floating(), tmp_path / "floating.html", charts=False, seen_from=(-1.0, 0.0, 0.3))
+    look = {"width": 960, "height": 320, "quality": 0.9, "speed": 1.0}
+    script = """((look) => {
+      const T = MeshCat.THREE, video = new Video(stage, look);
+      video.draw(0.0);
+      let sun;
+      stage.lamps.traverse((each) => { if (each.isDirectionalLight && each.castShadow) sun = each; });
+      const at = (each) => new T.Vector3().setFromMatrixPosition(each.matrixWorld);
+      const to = at(sun).sub(at(sun.target)).normalize();
+      const box = new T.Vector3(0.45, 0.32, 0.0), far = (box.y - 0.2) / to.y, paper = video.paper;
+      const grey = (x, z) => {
+        const p = new T.Vector3(x, 0.2, z).project(stage.viewer.camera);
+        const [i, j] = [Math.round((p.x + 1) / 2 * look.width), Math.round((1 - p.y) / 2 * look.height)];
+        return paper.getImageData(i, j, 1, 1).data[1];
+      };
+      const [x, z] = [box.x - far * to.x, box.z - far * to.z];  // of the box's lower side, which is 0.4 m wide
+      return { x, z, shadow: grey(0.45, 0.1), left: grey(0.45, -0.34), right: grey(0.45, 0.34) };
+    })"""
+    with browser.open(page, width=960, height=320, fragment="controls=off", before=video._BEFORE) as opened:  # noqa: SLF001
+        opened.evaluate(text_of("rbd.visual.pages", "web/video.js") + "\nwindow.Video = Video; void 0")
+        seen = opened.evaluate(f"{script}({json.dumps(look)})")
+    assert np.hypot(seen["x"] - 0.45, seen["z"] - 0.1) < 0.18, seen
+    assert seen["shadow"] < 0.85 * min(seen["left"], seen["right"]), seen
+
+
+def test_a_terrain_by_itself(tmp_path, monkeypatch):
+    """Its page, and the frame of a notebook, have its solids and its pieces' names; planes alone are drawn about the origin."""
+    opened = list[str]()
+    monkeypatch.setattr("webbrowser.open", lambda url, new=0: opened.append(url))
+    monkeypatch.setattr("rbd.visual.notebook.page_frames.find_browser", lambda: None)
+    text = STAIRS.export(tmp_path / "stairs.html").read_text(encoding="utf-8")
+    assert "terrain/0/solid" in text and "terrain of 4 pieces" in text and "z 0 to 0.3 m" in text
+    shown = STAIRS.show()
+    assert opened == [shown.as_uri()] and shown.read_text(encoding="utf-8") == text
+    html = STAIRS._repr_html_()
+    assert "<iframe" in html and "terrain of 4 pieces" in html
+    assert rbd.visual.notebook_page(GRID).title == "terrain"
+    slope = KINDS["slope"].solids[0]
+    corners = corners_of(rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0.2), normal=(0.6, 0.0, 0.8))}))
+    np.testing.assert_allclose(corners @ slope.faces[0, :3], 0.16, atol=1e-12)
+    with pytest.raises(rbd.errors.PictureError, match="html"):
+        STAIRS.export(tmp_path / "stairs.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, che
 from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Plates, Polytopes, piece_of
 from rbd.constraints.terrain.terrain_files import file_path, mesh_pieces, world_pieces
 from rbd.constraints.terrain.touches import Touches
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError
 from rbd.errors.inputs import listed_items
 from rbd.problem.cones import check_friction
@@ -209,6 +210,24 @@ class Terrain(Displayed):
         friction = "each contact's own friction" if self.friction is None else f"friction {self.friction:g}"
         shown = ", ".join(self.names[:6]) + (", ..." if len(self.names) > 6 else "")
         return f"terrain of {len(self.names)} piece{'s' * (len(self.names) != 1)} ({shown}), {friction}"
+
+    def export(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as one page on which it can be turned, which needs no network; returns its path.
+
+        Of planes 2 m around the other pieces are drawn, or around the world's origin.
+
+        Raises:
+            PictureError: a name that does not end in .html, or a file that cannot be written.
+
+        Example:
+            >>> rbd.Terrain.stairs(0.1, 0.3, 3).export("stairs.html").name
+            'stairs.html'
+        """
+        return drawing("export_terrain")(self, path)
+
+    def show(self) -> Path:
+        """Open such a page in the browser; returns its path, in the folder of temporary files. Notebooks show it anyway."""
+        return drawing("show_terrain")(self)
 
     def polytopes(self, low: Array, high: Array) -> Polytopes:
         """All pieces as arrays, of grids of heights those that reach into a box of x and y.

@@ -1,19 +1,30 @@
-"""Stances of feet and their paths: flat on the floor and fixed while they stand, smooth above it between."""
+"""Stances of feet and their paths: flat on their treads and fixed while they stand, smooth above what lies between."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, each_times, lazy
 from rbd.constraints.contact import Contact
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import minimum_jerk_way
 from rbd.motion.contact_timeline import stretches
 from rbd.motion.frame_terms import placements
+from rbd.motion.repair.treads import (
+    Tread,
+    height_at,
+    nearest_within,
+    needed_rise,
+    part_on,
+    raise_of,
+    sole_points,
+    tilts_of,
+)
 
 LEAST_STANCE, LEAST_SWING, BOTH = 0.12, 0.3, 0.1
 """Shortest stance and shortest step [s]; and how long two feet share the load where one takes it from the other."""
@@ -31,6 +42,8 @@ SMOOTH = 0.03
 """Standard deviation of the filter of positions of feet [s]."""
 LEAN = 0.1
 """Soles that stand on an edge lean on it from this pitch on [rad]; others are put flat."""
+INNER = 0.75
+"""Forces act at the corners of soles made smaller by this."""
 WIDTH = 1e-3
 """Corners so near to the foremost or hindmost one are on the same edge [m]."""
 
@@ -49,6 +62,7 @@ class Feet:
         p: Origins in W, shape (n, F, 3) [m].
         dt: Time between frames [s].
         lean: Pitch of soles on an edge, positive on the toes, zero of flat ones, shape (n, F) [rad].
+        planes: Of what is under each, as of `Tread`, shape (n, F, 3); headings and tilts are those on it.
     """
 
     joint: Array
@@ -60,6 +74,7 @@ class Feet:
     p: Array
     dt: float
     lean: Array
+    planes: Array
 
     @classmethod
     def of(cls, robot: CheckedModel, frames: Sequence[Contact | str], q: Array, dt: float) -> Feet:
@@ -74,13 +89,15 @@ class Feet:
         found = cls(
             np.array([joint for joint, _ in sites], int), np.array([X.rotation for _, X in sites]).reshape(-1, 3, 3),
             np.array([X.translation for _, X in sites]).reshape(-1, 3), tuple(corners), np.array(flat, bool), none, none, dt,
-            none[..., 0],
+            np.zeros((len(q), len(sites))), np.zeros((len(q), len(sites), 3)),
         )  # fmt: skip
         return found.at(*placements(robot, q))
 
     def at(self, R: Array, p: Array) -> Feet:
         """The same feet where joints are placed so, as `placements`."""
-        turned = R[:, self.joint]
+        turned, n = R[:, self.joint], len(p)
+        if len(self.planes) != n:  # of other frames
+            return replace(self, lean=np.zeros((n, len(self.joint))), planes=np.zeros((n, len(self.joint), 3))).at(R, p)
         return replace(self, R=turned @ self.R_J, p=p[:, self.joint] + np.matmul(turned, self.p_J[:, :, None])[..., 0])
 
     @lazy
@@ -90,14 +107,34 @@ class Feet:
         return np.array(low).reshape(len(self.corners), len(self.p)).T
 
     @lazy
+    def over(self) -> Array:
+        """Height of the lowest corner of each foot over its plane, shape (n, F) [m]."""
+        out = np.empty(self.p.shape[:2])
+        for f, c in enumerate(self.corners):
+            P = self.p[:, f, None] + c @ self.R[:, f].swapaxes(1, 2)
+            plane = self.planes[:, f, None]
+            out[:, f] = (P[..., 2] - plane[..., 0] - plane[..., 1] * P[..., 0] - plane[..., 2] * P[..., 1]).min(axis=1)
+        return out
+
+    @lazy
+    def tilts(self) -> Array:
+        """Rotations that take z to the normals of the planes, shape (n, F, 3, 3)."""
+        return tilts_of(self.planes)
+
+    @lazy
+    def on_plane(self) -> Array:
+        """Orientations from where the planes are level, shape (n, F, 3, 3)."""
+        return np.asarray(self.tilts.swapaxes(-1, -2) @ self.R)
+
+    @lazy
     def yaw(self) -> Array:
         """Heading of each foot, without jumps, shape (n, F) [rad]."""
-        return np.unwrap(np.arctan2(self.R[..., 1, 0], self.R[..., 0, 0]), axis=0)
+        return np.unwrap(np.arctan2(self.on_plane[..., 1, 0], self.on_plane[..., 0, 0]), axis=0)
 
     @lazy
     def tilt(self) -> Array:
-        """Rotation of each foot from level in its own heading, as a rotation vector, shape (n, F, 3) [rad]."""
-        return rotation_vectors(turned(-self.yaw) @ self.R)
+        """Rotation of each foot from its plane in its own heading, as a rotation vector, shape (n, F, 3) [rad]."""
+        return rotation_vectors(turned(-self.yaw) @ self.on_plane)
 
     def leaning(self, on: Array, edges: Array) -> Feet:
         """The same feet, which lean on their toes or heels about frames in which they are to stand on an edge alone.
@@ -141,8 +178,14 @@ class Feet:
         """x, y [m] and yaw [rad] of each foot were it flat on the edge on which it leans, shape (n, F, 3)."""
         yaw, out = self.yaw, np.dstack([self.p[..., :2], self.yaw])
         for f in range(len(self.corners)):
-            out[:, f, :2] -= each_times(turned(yaw[:, f]), self.raised(f))[:, :2]
+            out[:, f, :2] -= each_times(self.tilts[:, f] @ turned(yaw[:, f]), self.raised(f))[:, :2]
         return out
+
+    def sole(self, f: int, place: Array, tread: Tread) -> tuple[Array, Array]:
+        """Corners of a flat foot on a tread, and of what carries of it, from its place, along x and y, shapes (k, 2) [m]."""
+        R, corners = tilts_of(tread.plane) @ turned(place[2:])[0], self.corners[f]
+        flat = corners @ R[:2].T
+        return flat, flat.mean(axis=0) + INNER * (flat - flat.mean(axis=0))
 
     @lazy
     def smooth(self) -> Array:
@@ -169,12 +212,18 @@ class Stance:
         first: First frame.
         last: Last frame.
         place: x, y [m] and yaw [rad].
+        tread: On which it stands.
+        put: How far it was moved so that what carries of the sole is on the tread, shape (2,) [m].
+        part: What carries where the tread is too narrow for that, in the foot's axes, shape (k, 3) [m]; no rows: all of it.
     """
 
     foot: int
     first: int
     last: int
     place: Array
+    tread: Tread = field(default_factory=lambda: Tread.level(0.0))
+    put: Array = field(default_factory=lambda: np.zeros(2))
+    part: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def frames(self) -> slice:
@@ -185,7 +234,33 @@ class Stance:
         """The stance at the mean place and heading that its foot has now."""
         place = feet.places[self.frames, self.foot].mean(axis=0)
         place[2] += 2.0 * np.pi * np.round((self.place[2] - place[2]) / (2.0 * np.pi))
-        return replace(self, place=place)
+        return replace(self, place=place).put_on_tread(feet)
+
+    def found_on(self, terrain: Terrain, feet: Feet, otherwise: float) -> Stance:
+        """The stance on the nearest tread of a terrain; where there is none, on a level one at a height [m]."""
+        z = float(np.median(feet.low[self.frames, self.foot]))
+        sole, inner = feet.sole(self.foot, self.place, Tread.level(z))
+        return replace(self, tread=Tread.under(terrain, self.place[:2], sole, inner, z, otherwise))
+
+    def put_on_tread(self, feet: Feet) -> Stance:
+        """Moved by as little as puts what carries of the sole onto the tread, and all of it beside what rises there."""
+        sole, inner = feet.sole(self.foot, self.place, self.tread)
+        A, b = self.tread.rows(sole, inner)
+        if not len(A):
+            return self
+        xy = nearest_within(self.place[:2], A, b)
+        rests, part = part_on(self.tread, xy + inner), np.zeros((0, 3))
+        if (self.tread.edges[:, :2] @ (xy + inner).T > self.tread.edges[:, 2:]).any() and len(rests):
+            R, low = tilts_of(self.tread.plane) @ turned(self.place[2:])[0], float(feet.corners[self.foot][:, 2].min())
+            part = np.linalg.solve(R[:2, :2], (rests - xy - low * R[:2, 2]).T).T
+            part = np.column_stack([part, np.full(len(rests), low)])
+        return replace(self, place=np.array([*xy, self.place[2]]), put=self.put + xy - self.place[:2], part=part)
+
+    def overhang(self, feet: Feet) -> float:
+        """How far its sole is beyond the edge of its tread [m]; 0 where all of it is over the tread."""
+        edges, (sole, _) = self.tread.edges, feet.sole(self.foot, self.place, self.tread)
+        beyond = edges[:, :2] @ (self.place[:2] + sole).T - edges[:, 2:]
+        return max(float(beyond.max(initial=0.0)), 0.0)
 
 
 def standing(on: Array, feet: Feet, ground: Array) -> Array:
@@ -298,26 +373,28 @@ def stances_of(on: Array, feet: Feet) -> list[Stance]:
     return out
 
 
-def paths(stances: Sequence[Stance], feet: Feet, ground: Array) -> tuple[Array, Array, Array]:
-    """(R, p, free) of the feet: fixed in stances, level or on an edge, smooth and above the floor between.
+def paths(stances: Sequence[Stance], feet: Feet, terrain: Terrain | None = None) -> tuple[Array, Array, Array]:
+    """(R, p, free) of the feet: fixed in stances, flat on their treads or on an edge, smooth and above the ground between.
 
     Shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F): how free they are, from 0 in stances to 1 in the middle of steps.
 
     Args:
         stances: All stances.
         feet: The feet of the reference, whose height, tilt and way are kept in the middle of a step.
-        ground: Height of what is under each foot, constant in a stance, shape (n, F) [m].
+        terrain: What lies between; over it steps are raised.
     """
     R, p, free = feet.R.copy(), feet.p.copy(), np.zeros(feet.p.shape[:2])
-    smooth, yaw, low, tilt = feet.smooth, feet.yaw, feet.low - ground, feet.tilt
+    smooth, yaw, low, tilt, tilts = feet.smooth, feet.yaw, feet.over, feet.tilt, feet.tilts
     n = len(p)
     for f, corners in enumerate(feet.corners):
         own = [s for s in stances if s.foot == f]
-        raised, leans = feet.raised(f), np.zeros((n, 3))
+        raised, leans, around = feet.raised(f), np.zeros((n, 3)), sole_points(corners)
         leans[:, 1] = feet.lean[:, f]
         for s in own:
-            R_s, at = turned(s.place[2:])[0], s.frames
-            p[at, f] = [*s.place[:2], ground[s.first, f] - float(corners[:, 2].min())] + raised[at] @ R_s.T
+            at = s.frames
+            R_s = tilts_of(s.tread.plane) @ turned(s.place[2:])[0]
+            down = _lowest(R_s[None] if feet.flat[f] else tilts[s.first : s.first + 1, f], s.tread.plane[None], corners)
+            p[at, f] = [*s.place[:2], height_at(s.tread.plane, s.place[:2]) - down.item()] + raised[at] @ R_s.T
             R[at, f] = R_s @ rotations(leans[at]) if feet.flat[f] else feet.R[at, f]
         for before, after in zip([None, *own], [*own, None], strict=True):
             a, b = (-1 if before is None else before.last), (n if after is None else after.first)
@@ -337,33 +414,48 @@ def paths(stances: Sequence[Stance], feet: Feet, ground: Array) -> tuple[Array, 
                 one = before or after
                 between = now if one is None else np.tile(one.place, (len(k), 1))
             R_k, back = turned(between[:, 2]), 1.0 - along[:, None]
-            between[:, :2] += each_times(R_k, raised[k])[:, :2]
+            between[:, :2] += each_times(tilts[k, f] @ R_k, raised[k])[:, :2]
             place = now + back * (between - now)
             w = tilt[k, f] + back * (leans[k] - tilt[k, f])
-            R[k, f] = turned(place[:, 2]) @ rotations(w) if feet.flat[f] else feet.R[k, f]
+            R[k, f] = tilts[k, f] @ turned(place[:, 2]) @ rotations(w) if feet.flat[f] else feet.R[k, f]
             height = up * np.maximum(low[k, f], CLEAR if before is not None or after is not None else 0.0)
             free[k, f], p[k, f, :2] = along, place[:, :2]
-            p[k, f, 2] = ground[k, f] + height - (R[k, f, 2] @ corners.T).min(axis=1)
+            plane = feet.planes[k, f]
+            p[k, f, 2] = plane[:, 0] + (plane[:, 1:] * place[:, :2]).sum(axis=1) + height - _lowest(R[k, f], plane, corners)
+            if terrain is not None and before is not None and after is not None:
+                points = p[k, f, None] + around @ R[k, f].swapaxes(1, 2)
+                p[k, f, 2] += raise_of(needed_rise(terrain, points, plane, u), u)
     return R, p, free
 
 
-def treads(stances: Sequence[Stance], under: Array) -> Array:
-    """Height of what is under each foot, constant in stances: it rises early in steps up, and falls late in steps down.
+def _lowest(R: Array, planes: Array, corners: Array) -> Array:
+    """Height of the lowest corner of a foot over a plane through its origin, for k rotations and planes, shape (k,) [m]."""
+    up = R[:, 2] - planes[:, 1, None] * R[:, 0] - planes[:, 2, None] * R[:, 1]
+    return np.asarray((up @ corners.T).min(axis=1))
+
+
+def planes_of(stances: Sequence[Stance], under: Array) -> Array:
+    """Planes under each foot, shape (n, F, 3), those of its stances; between, they rise early in steps up, and fall late.
 
     Args:
-        stances: All stances.
-        under: The same, as found, shape (n, F) [m].
+        stances: All stances, on their treads.
+        under: Height of what was found under each foot, shape (n, F) [m]: of feet without stances.
     """
-    out, n = under.copy(), len(under)
+    n = len(under)
+    out = np.stack([under, np.zeros_like(under), np.zeros_like(under)], axis=-1)
     for f in range(under.shape[1]):
         own = [s for s in stances if s.foot == f]
         for s in own:
-            out[s.frames, f] = np.median(under[s.frames, f])
+            out[s.frames, f] = s.tread.plane
         for before, after in zip([None, *own], [*own, None], strict=True):
+            ends = [one for one in (before or after, after or before) if one is not None]
+            if not ends:
+                continue
             a, b = (-1 if before is None else before.last), (n if after is None else after.first)
-            low, high = (out[(one or after or before or own[0]).first, f] for one in (before, after))
+            low, high = (height_at(one.tread.plane, one.place[:2]) for one in ends)
             u = (np.arange(a + 1, b) - a) / (b - a)
-            out[a + 1 : b, f] = low + (high - low) * blend(u / 0.4 if high > low else (u - 0.6) / 0.4)
+            w = blend(u / 0.4 if high > low else (u - 0.6) / 0.4)
+            out[a + 1 : b, f] = ends[0].tread.plane + w[:, None] * (ends[1].tread.plane - ends[0].tread.plane)
     return out
 
 

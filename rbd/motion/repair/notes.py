@@ -41,6 +41,7 @@ def notes_of(
         f"repaired {before.source}: {possible.mean():.1%} of its frames are possible, {share:.1%} were.",
         f"{len(course.stances)} stances, moved along the floor by up to {1e3 * found.moved.max(initial=0.0):.0f} mm.",
     ]
+    out += on_edges(course, float(motion.t[0]))
     raised = course.raised
     if abs(raised) >= 5e-4:
         way = "raised" if raised > 0.0 else "lowered"
@@ -62,6 +63,30 @@ def notes_of(
     if len(runs) > TOLD:
         out.append(f"and in {len(runs) - TOLD} more stretches of time, shorter ones.")
     return tuple(out)
+
+
+def on_edges(course: Course, first: float) -> list[str]:
+    """Which stances were put onto their treads, or stand over an edge, in words, the farthest first.
+
+    Args:
+        course: The motion.
+        first: Its first time [s].
+    """
+    names, told = [c.name for c in course.contacts], list[tuple[float, str]]()
+    for s in course.stances:
+        put, over = float(np.linalg.norm(s.put)), s.overhang(course.feet)
+        what = f"{names[s.foot]} at {max(course.start + course.feet.dt * s.first, first):.2f} s"
+        on = f"{s.tread.name}" if s.tread.name else "its tread"
+        if put > REACH:
+            why = "more of it than its balance allows was beside it"
+            told.append((put, f"{what} was put onto {on}, by {1e3 * put:.0f} mm: {why}."))
+        if len(s.part):
+            told.append((over, f"{what} stands on {on} with a part of its sole: {on} is too narrow for it."))
+        elif over > REACH:
+            told.append((over, f"{what} stands {1e3 * over:.0f} mm over the edge of {on}: what carries of it is on it."))
+    told.sort(key=lambda each: -each[0])
+    more = [f"and {len(told) - TOLD} more stances at edges."] if len(told) > TOLD else []
+    return [words for _, words in told[:TOLD]] + more
 
 
 def reasons(found: Repaired, names: list[str], start: float, end: float) -> list[str]:

@@ -20,14 +20,15 @@ from rbd.motion.derivation import low_passed
 from rbd.motion.frame_terms import carriers
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
-from rbd.motion.repair.feet import Feet, Stance, blurred, paths, stances_of, standing, treads
+from rbd.motion.repair.feet import INNER, Feet, Stance, blurred, paths, planes_of, stances_of, standing
 from rbd.motion.repair.posture import TORQUE_SHARE, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
+from rbd.motion.repair.treads import Tread, normals_of
 from rbd.motion.self_collision import BodyPairs
 from rbd.robots.robot import Robot
 
-INNER = 0.75
-"""Forces act at the corners of soles made smaller by this."""
+FAST, DEEP = 0.1, 0.01
+"""A foot that is faster than this [m/s] while it is this deep [m] is on its way through a tread: it does not stand."""
 EARLY = 0.1
 """An edge of a sole carries so long before the sole leans on it, and after [s]."""
 FRICTION_SHARE = 0.86
@@ -66,7 +67,6 @@ class Course:
         on: Which stand, shape (n, F).
         stances: Their stances.
         ground: Height of the floor [m], or the terrain.
-        treads: Height of what is under each foot, shape (n, F) [m].
         friction: Coefficient that is used.
         bodies: Pairs of bodies that are kept apart.
         stride: Distances of the feet from each other where the robot stands, shape (F, F) [m].
@@ -82,7 +82,6 @@ class Course:
     on: Array
     stances: tuple[Stance, ...]
     ground: float | Terrain
-    treads: Array
     friction: float
     bodies: BodyPairs | None
     stride: Array
@@ -95,39 +94,48 @@ class Course:
     def paths(self, shifts: Array | None = None) -> tuple[Array, Array, Array]:
         """(R, p, free) of the feet, where stances are shifted along the floor."""
         moved = [s if shifts is None else replace(s, place=s.place + [*shifts[i], 0.0]) for i, s in enumerate(self.stances)]
-        return paths(moved, self.feet, self.treads)
+        return paths(moved, self.feet, self.ground if isinstance(self.ground, Terrain) else None)
 
     @lazy
-    def spots(self) -> tuple[tuple[int, int, Array], ...]:
-        """(foot, side, points in its axes): corners of soles made smaller, side 0; of their toe and heel edges, 1 and -1."""
-        out, feet = [], self.feet
+    def spots(self) -> tuple[tuple[int, int, Array, Array], ...]:
+        """(foot, side, points in its axes, frames in which they count, shape (n,)), of each set of points at which forces act.
+
+        They are corners of soles made smaller, side 0; of their toe and heel edges, 1 and -1; and of the part that carries on a
+        tread that is too narrow.
+        """
+        out, feet, n = [], self.feet, len(self.on)
         for f, corners in enumerate(feet.corners):
+            whole = np.ones(n, bool)
+            for s in self.stances:
+                if s.foot == f and len(s.part):
+                    whole[s.frames] = False
+                    out.append((f, 0, s.part, np.isin(np.arange(n), np.r_[s.frames])))
             for side in (0, 1, -1) if feet.flat[f] and feet.lean[:, f].any() else (0,):
                 some = corners[feet.edge(f, side)]
                 middle = some.mean(axis=0)
-                out.append((f, side, middle + INNER * (some - middle)))
+                out.append((f, side, middle + INNER * (some - middle), whole))
         return tuple(out)
 
     def places(self, R: Array, p: Array) -> Array:
         """Where forces act, for feet placed so, shape (n, k, 3) [m]."""
-        return np.concatenate([x @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, _, x in self.spots], axis=1)
+        return np.concatenate([x @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, _, x, _ in self.spots], axis=1)
 
     @lazy
     def group(self) -> Array:
         """Which foot each of these points belongs to, shape (k,)."""
-        return np.repeat([f for f, _, _ in self.spots], [len(x) for _, _, x in self.spots])
+        return np.repeat([f for f, *_ in self.spots], [len(x) for _, _, x, _ in self.spots])
 
     def touches(self) -> Array:
         """Which of these points carry, shape (n, k): of leaning soles those of the edge, also a little before and after."""
         from scipy.ndimage import maximum_filter1d
 
         out, near = [], 2 * round(EARLY / self.feet.dt) + 1
-        for f, side, x in self.spots:
+        for f, side, x, counts in self.spots:
             lean = self.feet.lean[:, f]
             on = lean == 0.0
             if side:
                 on = (side * lean >= 0.0) & (maximum_filter1d(side * lean, near) > 0.0)
-            out.append(np.repeat((on & self.on[:, f])[:, None], len(x), axis=1))
+            out.append(np.repeat((on & counts & self.on[:, f])[:, None], len(x), axis=1))
         return np.concatenate(out, axis=1)
 
     def limits(self, sweep: Sweep, plan: CentroidPlan) -> tuple[Array, Array, Array]:
@@ -157,14 +165,24 @@ class Course:
         for i, s in enumerate(self.stances):
             stance[s.frames, s.foot] = i
         robot, group = self.reference.robot, self.group
+        normals = normals_of(self.feet.planes)[:, group] if isinstance(self.ground, Terrain) else None
         return CentroidProgram(
             self.reference.dt, robot.mass, robot.gravity, self.places(*self.paths()[:2]), self.touches(), self.friction, com,
-            moment, stance[:, group], self.bounds(), self.rests, limits,
+            moment, stance[:, group], self.bounds(), self.rests, limits, normals=normals,
         )  # fmt: skip
 
     def bounds(self) -> tuple[Array, Array]:
-        """(G, h), G d >= h: shifts d of feet that stand at once, or soon after, bring them no nearer and no farther apart."""
+        """(G, h), G d >= h: shifts d of feet that stand at once, or soon after, bring them no nearer and no farther apart.
+
+        And they keep soles on their treads.
+        """
         rows, least, soon = list[Array](), list[float](), round(SOON / self.feet.dt)
+        for i, s in enumerate(self.stances):
+            for a, c in zip(*s.tread.rows(*self.feet.sole(s.foot, s.place, s.tread)), strict=True):
+                row = np.zeros((len(self.stances), 2))
+                row[i] = -a
+                rows.append(row.ravel())
+                least.append(min(float(a @ s.place[:2]) - c, 0.0))
         for (i, one), (j, other) in combinations(enumerate(self.stances), 2):
             if one.foot == other.foot or max(one.first, other.first) > min(one.last, other.last) + soon:
                 continue
@@ -278,20 +296,42 @@ def repaired(
     some, every = (lanes.points.group_reduced(of, lanes.touches[frames]) for of in (np.logical_or, np.logical_and))
     own = [g for g, contact in enumerate(lanes.contacts) if isinstance(contact, Contact)]
     under = lanes.under(own)[frames] + raised
-    on = standing(some[:, own], feet, under)
-    feet = replace(feet, dt=slower * dt).leaning(on, on & some[:, own] & ~every[:, own])
+    touches, terrain = some[:, own], level if isinstance(level, Terrain) else None
+    if terrain is not None:
+        touches = touches & ~((feet.low - under < -DEEP) & (feet.speed > FAST))
+    on = standing(touches, feet, under)
+    stances = tuple(on_treads(stances_of(on, feet), feet, under, terrain))
+    feet = replace(feet, dt=slower * dt, planes=planes_of(stances, under))
+    feet = feet.leaning(on, on & some[:, own] & ~every[:, own])
+    treads = [s.tread for s in stances]
+    stances = tuple(replace(s, tread=tread).put_on_tread(feet) for s, tread in zip(stances_of(on, feet), treads, strict=True))
     rest = Feet.of(robot, contacts, (robot.standing().q if isinstance(robot, Robot) else q[0])[None], dt).p[0]
     course = Course(
-        Reference.of(robot, q, slower * dt, feet, torques), feet, on, tuple(stances := stances_of(on, feet)), level,
-        treads(stances, under),
-        FRICTION_SHARE * friction, BodyPairs.of(robot) if self_collision else None,
-        np.linalg.norm(rest[:, None] - rest, axis=2), Feet.of(robot, keep, q, dt) if keep else None,
+        Reference.of(robot, q, slower * dt, feet, torques), feet, on, stances, level, FRICTION_SHARE * friction,
+        BodyPairs.of(robot) if self_collision else None, np.linalg.norm(rest[:, None] - rest, axis=2),
+        Feet.of(robot, keep, q, dt) if keep else None,
         (bool(t[0] < motion.t[0] and on[0].any()), bool(t[-1] > motion.t[-1] + 0.5 * dt and on[-1].any())),
         tuple(contacts), raised, motion.t[0] + slower * float(t[0] - motion.t[0]),
     )  # fmt: skip
     t = motion.t[0] + slower * (t - motion.t[0])
     found = course.solved(done)
     return _made(motion, lanes, found, t, slower), found
+
+
+def on_treads(stances: Sequence[Stance], feet: Feet, under: Array, terrain: Terrain | None) -> list[Stance]:
+    """Stances on the treads that are under them; without a terrain at the height that was found.
+
+    Args:
+        stances: All stances.
+        feet: The feet.
+        under: Height of what was found under each foot, shape (n, F) [m].
+        terrain: The terrain, if it is one.
+    """
+    out = []
+    for s in stances:
+        z = float(np.median(under[s.frames, s.foot]))
+        out.append(replace(s, tread=Tread.level(z)) if terrain is None else s.found_on(terrain, feet, z))
+    return out
 
 
 def _times(motion: Motion) -> tuple[Array, Array]:

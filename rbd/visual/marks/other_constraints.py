@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint, closes_loop, frames_of, member
+from rbd.constraints.constraint import Constraint, closes_loop, frames_of, is_timed, member
 from rbd.constraints.contact_points import ContactPoints
 from rbd.model.external import generalised
 from rbd.model.state import State
@@ -235,6 +235,78 @@ def link_mark(name: str, ends: Array, sizes: Sizes) -> Mark:
     """A rod or rope as a line between its ends."""
     label = Label(name, (f"{float(np.linalg.norm(ends[1] - ends[0])):.4g} m long",), ends.mean(axis=0), tag=False)
     return Mark(f"links/{node(name)}", (line(ends, radius=0.5 * sizes.shaft),), LOOP_COLOR, layer="loop forces", label=label)
+
+
+DRIVE_COLOR = "#1b9e77"
+DRIVEN_TURN = np.radians(240.0)
+"""Angle of the arc of a driven joint that turns [rad]; its radius is larger than that of torques by so much."""
+AROUND_TORQUES = 1.7
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ShownDrive:
+    """A joint whose motion a constraint gives as a function of time.
+
+    Attributes:
+        name: Of the constraint.
+        joint: Of the joint.
+        point: The joint's origin in W, shape (3,) [m].
+        axis: The joint's axis in W, a unit vector, shape (3,).
+        slides: Whether it slides along the axis.
+        motion: s, s' and s'' that it is to have, shape (3,) [rad or m, s].
+    """
+
+    name: str
+    joint: str
+    point: Array
+    axis: Array
+    slides: bool
+    motion: Array
+
+    @property
+    def rate(self) -> str:
+        """Its rate, in words."""
+        return f"{number(float(self.motion[1]))} {'m' if self.slides else 'rad'}/s"
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What page and legend say of it."""
+        unit, (s, _, acceleration) = "m" if self.slides else "rad", self.motion.tolist()
+        return f"drives joint {self.joint}", f"s = {number(s)} {unit}, s' = {self.rate}, s'' = {number(acceleration)} {unit}/s2"
+
+
+def shown_drives(state: State, constraints: Iterable[Constraint]) -> list[ShownDrive]:
+    """The driven joints among some constraints, with the motion that their rows ask for at the time of a state."""
+    out = []
+    for constraint in constraints:
+        if not is_timed(constraint) or not (joint := member(constraint, "prescribes")):
+            continue
+        rows = constraint.rows(state)
+        at = state.robot.joints.with_one_freedom(joint, rows.name)
+        ((point, axis, slides),) = joint_axes(state, [at.v.start])
+        s = at.coordinate(state.q) - (0.0 if rows.error is None else float(rows.error[0]))
+        rate, acceleration = float(rows.J[0] @ state.v - rows.velocity[0]), float(-rows.bias[0])
+        out.append(ShownDrive(rows.name, joint, point, axis, slides, np.array([s, rate, acceleration])))
+    return out
+
+
+def drive_marks(drive: ShownDrive, sizes: Sizes) -> list[Mark]:
+    """A ring about the axis of a driven joint, or a line along it, with an arrow the way it moves; no arrow where it rests."""
+    radius, rate = AROUND_TORQUES * sizes.arc, float(np.sign(drive.motion[1]))
+    label = Label(drive.name, (drive.rate, *drive.lines), drive.point + radius * drive.axis)
+    if drive.slides:
+        half = 0.5 * BAR * sizes.body * drive.axis
+        track: Primitive = line([drive.point - half, drive.point + half], radius=0.5 * sizes.line)
+        way = arrow(drive.point, rate * half, radius=0.8 * sizes.shaft)
+    else:
+        axes = axes_along(drive.axis)
+        track = ring(drive.point, axes, radius, thickness=0.5 * sizes.line)
+        way = arc(drive.point, axes, radius, rate * DRIVEN_TURN, thickness=0.75 * sizes.shaft)
+    at = f"drives/{node(drive.name)}"
+    marks = [Mark(f"{at}/track", (track,), DRIVE_COLOR, 0.6, True, "moments", replace(label, tag=False))]
+    if not way.empty:
+        marks.append(Mark(f"{at}/way", (way,), DRIVE_COLOR, seen_through=True, layer="moments", label=label))
+    return marks
 
 
 def _loop(state: State, constraint: Constraint, f: Array) -> ShownForce:

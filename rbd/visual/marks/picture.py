@@ -35,12 +35,16 @@ from rbd.visual.marks.contacts import (
 )
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Mark, Sizes, is_cut, moment_angle, number, numbers, share_color
 from rbd.visual.marks.other_constraints import (
+    DRIVE_COLOR,
+    ShownDrive,
     ShownTorque,
+    drive_marks,
     link_mark,
     link_of,
     motor_torques,
     origin_of,
     other_forces,
+    shown_drives,
     torque_marks,
 )
 from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
@@ -70,6 +74,7 @@ class Picture:
         unshown: What of the external forces and constraints has no picture, in words.
         gravity: In W, shape (3,) [m/s2].
         links: Rods and ropes by name: their ends in W, shape (2, 3) [m].
+        drives: Driven joints.
     """
 
     com: Array
@@ -83,6 +88,7 @@ class Picture:
     unshown: tuple[str, ...] = ()
     gravity: Array = field(default_factory=DOWN.copy)
     links: Mapping[str, Array] = field(default_factory=dict)
+    drives: tuple[ShownDrive, ...] = ()
 
     @classmethod
     def of(cls, state: State, solution: Solution | Actuation | None, external: External) -> Picture:
@@ -113,6 +119,7 @@ class Picture:
             (*unshown, *words, *left_out),
             state.robot.gravity,
             {name: ends for name, c in given.items() if (ends := link_of(state, c)) is not None},
+            tuple(shown_drives(state, given.values())),
         )
 
     @property
@@ -132,6 +139,7 @@ class Picture:
         drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts), self.gravity)
         drawn += support_marks(self.outline, sizes)
         drawn += [link_mark(name, ends, sizes) for name, ends in self.links.items()]
+        drawn += [mark for drive in self.drives for mark in drive_marks(drive, sizes)]
         for force in self.forces:
             draw = force_marks if force.patch is None else contact_marks
             drawn += draw(force, force.color or colors[force.name], sizes)
@@ -188,7 +196,8 @@ def legend_data(
         note: About these poses.
         terrains: Those in it.
     """
-    entries = [*poses, *_forces(picture, colors), *_elements(picture, sizes), *_torques(picture.torques)]
+    entries = [*poses, *_forces(picture, colors), *_drives(picture.drives)]
+    entries += [*_elements(picture, sizes), *_torques(picture.torques)]
     entries += [entry(TERRAIN_COLOR, t.title, "", list(t.lines), "surfaces") for t in terrains] + _rest(picture)
     entries += [entry(color, name, layer="regions") for name, color in legend_of(statics)]
     lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
@@ -207,6 +216,13 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
         if kind and len(own) > LISTED:
             entries.append(entry(own[0].color, f"and {len(own) - LISTED} more {kind}", layer=own[0].layer))
     return entries
+
+
+def _drives(drives: Sequence[ShownDrive]) -> list[Entry]:
+    """The driven joints."""
+    return [
+        entry(DRIVE_COLOR, f"{one.joint} is driven", one.rate, [f"by {one.name}", one.lines[1]], "moments") for one in drives
+    ]
 
 
 def _elements(picture: Picture, sizes: Sizes) -> list[Entry]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -67,22 +68,11 @@ def terrain_marks(place: int, shown: ShownTerrain, sizes: Sizes) -> list[Mark]:
     """The surface of a terrain, with shadows on it; a grid on tops of less than 45 degrees, and its edges."""
     at, reach = f"terrain/{place}", REACH * sizes.body
     low, high = shown.low - reach, shown.high + reach
-    meshes, edges, lines = list[Mesh](), list[primitives.Primitive](), list[Mesh]()
+    edges, lines = list[primitives.Primitive](), list[Mesh]()
     cell = shapes.round_number(0.12 * sizes.body)
-    flat, sides = list[tuple[Array, Array]](), list[Array]()
-    for solid in shown.terrain.solids:
-        if isinstance(solid, Heights):
-            meshes.append(_surface(solid, low, high))
-            continue
-        for normal, corners in faces_of(solid, low, high):
-            if normal[2] > 1e-6:
-                flat.append((normal, corners))
-            else:
-                sides.append(corners)
-    tops = [corners[:, 2].min() for _, corners in flat] + [mesh.vertices[:, 2].min() for mesh in meshes if len(mesh.faces)]
-    base = np.array([0.0, 0.0, -1.0, SKIRT * sizes.body - min(tops, default=0.0)])
-    meshes += [_fan(corners) for _, corners in flat] + [_fan(_cut(corners, base)) for corners in sides]
-    mesh = joined(meshes)
+    meshes, flat, sides = _parts(shown.terrain, low, high)
+    base = _base(meshes, flat, SKIRT * sizes.body)
+    mesh = _whole(meshes, flat, sides, base)
     if not len(mesh.faces):
         return []
     for solid in shown.terrain.solids:
@@ -103,7 +93,49 @@ def terrain_marks(place: int, shown: ShownTerrain, sizes: Sizes) -> list[Mark]:
     ]
 
 
-def faces_of(piece: Piece, low: Array, high: Array) -> list[tuple[Array, Array]]:
+Faces: TypeAlias = list[tuple[Array, Array]]
+"""(outward normal, corners in order) of each face."""
+
+
+def surface_of(terrain: Terrain, low: Array, high: Array, skirt: float) -> Mesh:
+    """The triangles of a terrain in a box of x and y, with its sides down to below the lowest top in it.
+
+    Args:
+        terrain: Which.
+        low: Lowest corner of the box, shape (3,) [m].
+        high: Highest corner.
+        skirt: How far below [m].
+    """
+    meshes, flat, sides = _parts(terrain, low, high)
+    return _whole(meshes, flat, sides, _base(meshes, flat, skirt))
+
+
+def _parts(terrain: Terrain, low: Array, high: Array) -> tuple[list[Mesh], Faces, list[Array]]:
+    """(grids, faces that look up, corners of others) in a box of x and y."""
+    meshes, flat, sides = list[Mesh](), list[tuple[Array, Array]](), list[Array]()
+    for solid in terrain.solids:
+        if isinstance(solid, Heights):
+            meshes.append(_surface(solid, low, high))
+            continue
+        for normal, corners in faces_of(solid, low, high):
+            if normal[2] > 1e-6:
+                flat.append((normal, corners))
+            else:
+                sides.append(corners)
+    return meshes, flat, sides
+
+
+def _base(meshes: Sequence[Mesh], flat: Faces, skirt: float) -> Array:
+    """The plane (n, d) at which sides end, below the lowest top."""
+    tops = [corners[:, 2].min() for _, corners in flat] + [mesh.vertices[:, 2].min() for mesh in meshes if len(mesh.faces)]
+    return np.array([0.0, 0.0, -1.0, skirt - min(tops, default=0.0)])
+
+
+def _whole(meshes: Sequence[Mesh], flat: Faces, sides: Sequence[Array], base: Array) -> Mesh:
+    return joined([*meshes, *(_fan(corners) for _, corners in flat), *(_fan(_cut(corners, base)) for corners in sides)])
+
+
+def faces_of(piece: Piece, low: Array, high: Array) -> Faces:
     """(outward normal, corners in order) of its faces as far as they are above a box of x and y; of a half-space in the box."""
     planes = _walls(low, high)
     whole = not len(piece.vertices)

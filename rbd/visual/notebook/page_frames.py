@@ -12,6 +12,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from rbd.arrays import check_flag, check_whole
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, PictureError
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
@@ -21,6 +22,7 @@ from rbd.visual.pages.page import photograph
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_path, check_there
+from rbd.visual.terrain_alone import terrain_page
 
 WIDTH, HEIGHT = 860, 420
 """Size of a picture, in pixels; a frame is as wide as the notebook."""
@@ -28,7 +30,7 @@ LEAST, MOST = 120, 4000
 NO_PICTURE = "No Chromium was found on this machine, so there is no picture for viewers without scripts."
 # Without scripts the frame's page is empty: it lets the picture behind it through.
 _LETS_THROUGH = "<noscript><style>body{background:none}</style></noscript></head>"
-_pictures: WeakKeyDictionary[Scene, tuple[int, bytes]] = WeakKeyDictionary()
+_pictures: WeakKeyDictionary[Scene | Terrain, tuple[int, bytes]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,7 +59,7 @@ class NotebookPage:
 
 
 def notebook_page(
-    shown: Scene | Trajectory | Motion | MotionReport | str | PathLike[str],
+    shown: Scene | Trajectory | Motion | MotionReport | Terrain | str | PathLike[str],
     *,
     height: int = HEIGHT,
     still: bool = False,
@@ -70,7 +72,7 @@ def notebook_page(
     of some ten kilobytes in its place.
 
     Args:
-        shown: A scene, a motion, the report of `rbd.check_motion`, or the path of a page.
+        shown: A scene, a motion, the report of `rbd.check_motion`, a terrain, or the path of a page.
         height: Of the frame [pixels].
         still: Whether to show the picture alone.
         browser: An open browser, to take many pictures; by default one is started for this picture, which takes longer.
@@ -105,8 +107,12 @@ def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
         raise InputError(f"options {', '.join(options)} are for motions and reports alone.")
     if isinstance(shown, Scene):
         return shown.robot.name, shown.page()
+    if isinstance(shown, Terrain):
+        return "terrain", terrain_page(shown)
     if not isinstance(shown, str | PathLike):
-        raise InputError(f"a notebook page of {shown!r:.80}; expected a scene, a motion, a report, or the path of a page.")
+        raise InputError(
+            f"a notebook page of {shown!r:.80}; expected a scene, a motion, a report, a terrain, or the path of a page."
+        )
     path = a_path("the page", shown)
     check_there(path)
     try:
@@ -115,13 +121,12 @@ def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
         raise PictureError(f"the page {str(path)!r} cannot be read: {error}.") from error
 
 
-def scene_frame(scene: Scene) -> str:
-    """The frame of a scene as HTML; its picture is taken once for each content."""
-    page = scene.page()
-    known = _pictures.get(scene)
+def page_frame(shown: Scene | Terrain, page: str, name: str) -> str:
+    """The frame of a page as HTML; its picture is taken once for each content of what it shows."""
+    known = _pictures.get(shown)
     if known is None or known[0] != hash(page):
-        known = _pictures[scene] = hash(page), _picture(page, HEIGHT)
-    return frame_html(page, known[1], scene.robot.name, HEIGHT)
+        known = _pictures[shown] = hash(page), _picture(page, HEIGHT)
+    return frame_html(page, known[1], name, HEIGHT)
 
 
 def frame_html(page: str, picture: bytes, title: str, height: int) -> str:

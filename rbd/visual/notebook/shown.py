@@ -19,6 +19,7 @@ import pinocchio as pin
 
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, max_abs
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -28,11 +29,12 @@ from rbd.problem.answer import Answer, Status
 from rbd.problem.force_set import at_rest
 from rbd.records import fixed, joined, number, rows_of, vector
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.notebook.page_frames import scene_frame
+from rbd.visual.notebook.page_frames import page_frame
 from rbd.visual.playback.curves import CurveChart, kept_samples
 from rbd.visual.playback.report_motion import headline_of, report_charts
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.scene import Scene
+from rbd.visual.terrain_alone import terrain_page
 
 MOST_LINES = 40
 """Rows of a table, and lines of a text, that are shown; a line says how many more there are."""
@@ -176,7 +178,12 @@ def drawing_of(record: Any) -> str:
 
 @drawing_of.register
 def _frame(record: Scene) -> str:
-    return scene_frame(record) if record.shown else ""
+    return page_frame(record, record.page(), record.robot.name) if record.shown else ""
+
+
+@drawing_of.register
+def _terrain_frame(record: Terrain) -> str:
+    return page_frame(record, terrain_page(record), "terrain")
 
 
 @drawing_of.register(Trajectory | Motion)

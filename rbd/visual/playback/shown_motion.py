@@ -111,7 +111,8 @@ class ShownMotion:
             raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
         forces = {} if missing else {name: getattr(trajectory, name) for name in FORCES}
         robot, t, charts = drawable(trajectory.robot), np.asarray(trajectory.t, float), partial(charts_of, trajectory)
-        terrains = getattr(trajectory, "terrains", ())
+        ground = getattr(trajectory, "ground", None)  # of an `rbd.Motion`
+        terrains = getattr(trajectory, "terrains", (ground,) if isinstance(ground, Terrain) else ())
         return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, terrains=terrains, **forces)
 
 

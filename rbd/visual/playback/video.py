@@ -66,8 +66,8 @@ def export_video(
     """Write a motion as a video, with its legend and the time; returns its path.
 
     The name's ending is the kind: .mp4 is made by the `ffmpeg` on PATH, .gif by Pillow. A headless browser draws the pictures,
-    coarser than a page does: details below a pixel are merged, and bodies cast shadows on the ground alone. Neither a screen
-    nor a graphics card is needed. Ctrl-C ends it; the file is written whole or not at all.
+    coarser than a page does: details below a pixel are merged, and bodies cast shadows on the ground, or the terrain, alone.
+    Neither a screen nor a graphics card is needed. Ctrl-C ends it; the file is written whole or not at all.
 
     Args:
         motion: As for `export_motion`.

@@ -1,7 +1,8 @@
 // Frames of a video. A page draws each picture as well as it can; here each costs milliseconds on a machine without a graphics
 // card: points of meshes that fall into one pixel are merged, light is computed at them, edges are smoothed afterwards, and
-// shadows are the robot's projection on the ground. This script runs in the page of a motion, and no page carries it.
-const MOST_TRIANGLES = 36000, MOST_SHADOW_TRIANGLES = 8000;
+// shadows are the robot's projection on level ground, on terrain those of the page, coarser. This script runs in the page of a
+// motion, and no page carries it.
+const MOST_TRIANGLES = 36000, MOST_SHADOW_TRIANGLES = 8000, SHADOW_PIXELS = 1024;
 
 class Video {
   // Pictures of `width` x `height`; the window may be larger or smaller, and what it lays out is scaled.
@@ -13,7 +14,7 @@ class Video {
     player.footer.hidden = true;
     viewer.render = () => {};  // the page's own loop rests
     this.renderer = viewer.renderer;
-    this.renderer.shadowMap.enabled = false;
+    this.renderer.shadowMap.enabled = !(stage.view.cell > 0);  // terrain takes shadows wherever it is
     this.renderer.setSize(width, height, false);
     this.target = new T.WebGLRenderTarget(width, height, { stencilBuffer: true, minFilter: T.LinearFilter });
     this.canvas = Object.assign(document.createElement("canvas"), { width, height });
@@ -53,6 +54,12 @@ class Video {
     const dark = coarser(T, solid, 3 * pixel, 20 * pixel, MOST_SHADOW_TRIANGLES);
     this.shades = [];
     if (view.cell > 0) this.shade(T, solid, dark, light.directions[0], -0.0005 * view.radius);
+    lamps.traverse(({ isDirectionalLight, castShadow, shadow }) => {
+      if (!isDirectionalLight || !castShadow) return;
+      shadow.mapSize.set(SHADOW_PIXELS, SHADOW_PIXELS);
+      if (shadow.map) shadow.map.dispose();
+      shadow.map = null;
+    });
     // What a second motion shares with the first is made coarse with it.
     viewer.scene.traverse((each) => { if (each.isMesh && coarse.has(each.geometry)) each.geometry = coarse.get(each.geometry); });
     const rounds = new Map();
