@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.prepared.contact_bodies import NO_MOTION, OF_BASE, OF_BASE_TWO, OF_BODY, Site
+from rbd.answers.prepared.contact_bodies import NO_MOTION, OF_BASE, OF_BASE_TWO, OF_BODY, OF_LINK, Site
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
@@ -28,6 +28,7 @@ from rbd.problem.ground import Body
 _ONE_LINE = 1e-9
 """Spread of points across a line, over that along it, up to which they are on it."""
 _NONE = zeros(3)
+_X = np.array([1.0, 0.0, 0.0])
 
 
 @cache
@@ -90,6 +91,8 @@ def site_of(columns: Sequence[Column]) -> Site:
     """The rows of a body: at its one point, or at the centre of its points, without turns about their line; those of a loop."""
     kernel, first, R = law_kernel(), columns[0], np.eye(3)
     made = partial(Site, first.joint, base=first.base, motion=first.motion)
+    if first.axes == kernel.LINK:
+        return made(pin.SE3(R, first.point), 1, OF_LINK, turn=first.turn)
     if first.closes is not None:
         x, y = first.force, columns[1].force
         R = np.column_stack([x, y, np.cross(x, y)])
@@ -157,10 +160,18 @@ def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
 
 
 def _loop(robot: CheckedModel, loop: LoopClosure) -> Source | None:
-    """Of a loop: forces, and moments of a hinge, a weld or a cross, on the body of frame_b, in axes of that of frame_a."""
+    """Of a loop: forces, and moments of a hinge, a weld or a cross, on the body of frame_b, in axes of that of frame_a.
+
+    Of a rod or rope the force along it, on the body of frame_b. Of a rope it is there where that is taut: `ConstraintDynamics`.
+    """
     (base, X_a), (joint, X_b), kernel = robot.site(loop.frame_a), robot.site(loop.frame_b), law_kernel()
-    if joint == base or loop.kind in ("rod", "rope"):  # of a direction that changes
+    if joint == base:
         return None
+    if loop.is_link:
+        length, sign = np.nan if loop.length is None else loop.length, -1.0 if loop.kind == "rope" else 1.0
+        given = (*X_a.translation.tolist(), length, sign, *NO_MOTION[5:])
+        point, end = X_b.translation, X_a.translation
+        return Source(loop.name, loop.cone, [Column(joint, _X, point, kernel.LINK, _NONE, end, base, NO_MOTION, loop, given)])
     axes = loop.turning_axes
     turned = X_b.rotation @ loop.directions
     turn = NO_MOTION if axes is None else tuple(np.concatenate([turned.ravel(), axes.ravel()]).tolist())

@@ -8,7 +8,7 @@ each body in contact: three at a single point, five of points on a line, else si
     certificate `pin.rnea` at (q, v, a) with the forces of the columns on their bodies, from arrays of its own
 
 M, J and J_dot v, and the factors that found the answer, take no part in the certificate. What is not covered gets None, and is
-solved the general way: wheels, feedback, constraints of a user's own.
+solved the general way: what rolls, drives, terrain, feedback, constraints of a user's own.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from rbd.answers.prepared.contact_bodies import (
     MOST,
     OF_BASE,
     OF_BASE_TWO,
+    OF_LINK,
     WORLD,
     JointEntry,
     Site,
@@ -39,6 +40,7 @@ from rbd.answers.prepared.contact_bodies import (
 from rbd.arrays import Array, max_abs, rank_of
 from rbd.constraints.constraint import OPEN
 from rbd.constraints.joint import JointLimit
+from rbd.constraints.loop import LoopClosure
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.problem.cones import NonNegative
@@ -152,7 +154,7 @@ class Plan(Workspaces):
         kernel, motions = self._kernel, list[tuple[float, ...]]()
         for members in bodies.values():
             site = site_of([c for _, c in members])
-            R, by_rows = site.X_JC.rotation, site.axes in (OF_BASE, OF_BASE_TWO)
+            R, by_rows = site.X_JC.rotation, site.axes in (OF_BASE, OF_BASE_TWO, OF_LINK)
             for i, (j, c) in enumerate(members):
                 turned = R.T @ c.force if c.axes == kernel.BODY else c.force
                 moment = c.moment if c.axes >= kernel.EDGE else R.T @ c.moment
@@ -430,19 +432,28 @@ def spread_out(points: Array, count: int) -> list[int]:
 
 
 class ConstraintDynamics:
-    """Constraints of one robot, prepared: a `Plan` for each set of joint limits that are reached.
+    """Constraints of one robot, prepared: a `Plan` for each set of joint limits that are reached, and ropes that are taut.
 
     Args:
         robot: The robot.
         sources: Of the constraints, None of a joint limit.
         limits: The joint limits, by their numbers.
+        ropes: The ropes of known length, likewise.
 
     Attributes:
         on_still_ground: Whether all act between one body and ground at rest, as forces that are constant in some axes.
     """
 
-    def __init__(self, robot: CheckedModel, sources: Sequence[Source | None], limits: Mapping[int, JointLimit]) -> None:
-        self._robot, self.sources, self._limits = robot, sources, limits
+    def __init__(
+        self,
+        robot: CheckedModel,
+        sources: Sequence[Source | None],
+        limits: Mapping[int, JointLimit],
+        ropes: Mapping[int, LoopClosure],
+    ) -> None:
+        self._robot, self.sources, self._limits, self._ropes = robot, sources, limits, ropes
+        self._ends = [(robot.site(rope.frame_a), robot.site(rope.frame_b)) for rope in ropes.values()]
+        self._spaces = Workspaces(robot.model, [])
         columns = [c for source in sources if source is not None for c in source.columns if isinstance(c, Column)]
         self.on_still_ground = all(c.base < 0 and c.axes <= law_kernel().EDGE for c in columns)
         stops = [limit.stop(robot) for limit in limits.values()]
@@ -450,7 +461,7 @@ class ConstraintDynamics:
         self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
         self._margin = np.array([limit.margin for limit in limits.values()])
         self._dofs, self._plans = [stop.v for stop in stops], dict[bytes, Plan]()
-        self._plain = None if limits else Plan(robot, sources)  # type: ignore[arg-type]
+        self._plain = None if limits or ropes else Plan(robot, sources)  # type: ignore[arg-type]
 
     def plans(self, q: Array) -> Iterator[tuple[Plan, Array]]:
         """The plans of configurations, shape (n, nq), each with the numbers of its states."""
@@ -462,12 +473,26 @@ class ConstraintDynamics:
                 yield self.plan(q[at]), np.flatnonzero(which.ravel() == k)
 
     def _reached(self, q: Array) -> Array:
-        """Which limits are reached, the lower ones first, shape (..., 2 limits), truth values."""
+        """Which limits are reached, the lower ones first, and which ropes taut, shape (..., 2 limits + ropes), truth values."""
         x = q[..., self._q]
-        return np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin], axis=-1)
+        taut = np.empty((*q.shape[:-1], len(self._ropes)), bool)
+        if self._ropes:
+            with self._spaces.workspace() as space:
+                for each, into in zip(q.reshape(-1, q.shape[-1]), taut.reshape(-1, len(self._ropes)), strict=True):
+                    into[:] = self._taut(space, each)
+        return np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin, taut], axis=-1)
+
+    def _taut(self, space: Workspace, q: Array) -> list[bool]:
+        """Which ropes are as long as they are, to their margins."""
+        pin.forwardKinematics(self._robot.model, space.data, q)
+        at, out = space.data.oMi, []
+        for rope, ((a, X_a), (b, X_b)) in zip(self._ropes.values(), self._ends, strict=True):
+            far = float(np.linalg.norm(at[b].act(X_b.translation) - at[a].act(X_a.translation)))
+            out.append(rope.slack_by(far) <= rope.margin)
+        return out
 
     def plan(self, q: Array) -> Plan:
-        """That of the joint limits reached at q."""
+        """That of the joint limits reached, and the ropes taut, at q."""
         if self._plain is not None:
             return self._plain
         sides = self._reached(q)
@@ -479,6 +504,9 @@ class ConstraintDynamics:
                 signs = [sign for sign, at in ((1.0, sides[k]), (-1.0, sides[n + k])) if at]
                 columns = [((self._dofs[k], sign),) for sign in signs]
                 sources[number] = Source(limit.name, NonNegative(len(signs)), columns)
+            for (number, rope), taut in zip(self._ropes.items(), sides[2 * n :], strict=True):
+                if not taut:
+                    sources[number] = Source(rope.name, NonNegative(0), [])
             found = Plan(self._robot, sources)  # type: ignore[arg-type]
             keep(self._plans, key, found, MOST)
         return found
@@ -512,7 +540,8 @@ def prepared(robot: CheckedModel, constraints: tuple[object, ...]) -> Constraint
 def _covered(robot: CheckedModel, constraints: tuple[object, ...]) -> ConstraintDynamics | None:
     """The form made; None of constraints that it does not cover."""
     limits = {i: c for i, c in enumerate(constraints) if type(c) is JointLimit}
+    ropes = {i: c for i, c in enumerate(constraints) if type(c) is LoopClosure and c.can_be_slack}
     sources = [None if i in limits else source_of(robot, c) for i, c in enumerate(constraints)]
     names = {getattr(c, "name", None) for c in constraints}
     covered = len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources))
-    return ConstraintDynamics(robot, sources, limits) if covered else None
+    return ConstraintDynamics(robot, sources, limits, ropes) if covered else None
