@@ -219,8 +219,8 @@ def touches_of(now: Instant, constraints: Sequence[Constraint], sources: Sequenc
             pushed = point_forces(measured, force[None, row], mine)
             n = mine.stop - mine.start
             carried = np.zeros((n, 3)) if pushed is None else pushed[0]
-            each = [np.repeat(x[mine], len(carried) // n) for x in (gaps, touches)]  # of a bilateral patch all touch alike
-            out[owner] = ContactTouch(*each, carried, _labels(source, measured.structure, mine))
+            gap, on = (np.repeat(x[mine], len(carried) // n) for x in (gaps, touches))  # of a bilateral patch all touch alike
+            out[owner] = ContactTouch(gap, on, carried, _labels(source, measured.structure, mine))
     return {c.name: out[c.name] for c in constraints if c.name in out}
 
 
