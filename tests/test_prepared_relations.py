@@ -242,3 +242,89 @@ def test_constraints_with_the_same_values_share_their_prepared_form():
     assert prepared(solo, tuple(solo.feet(0.7, on=None))) is not first
     a, b = (prepared(solo, (rbd.JointLock(name, "FL_KFE"),)) for name in ("a", "b"))
     assert a is not b and prepared(solo, (rbd.JointFriction("a", "FL_KFE", 1.0),)) is not a
+
+
+# ------------------------------------------------------------------------------------------------------------- drives
+
+
+def driven_arm() -> rbd.Robot:
+    """A box that floats, with an arm of two links, whose tip a rod holds."""
+    b = rbd.RobotBuilder("driven")
+    b.body("box", rbd.robots.Box((0.3, 0.2, 0.1), mass=2.0))
+    b.body("upper", rbd.robots.Rod((0, 0, 0), (0.3, 0.1, 0), mass=1.0))
+    b.body("lower", rbd.robots.Rod((0, 0, 0), (0, 0.1, -0.4), mass=0.5))
+    b.body("slide", rbd.robots.Sphere(0.05, mass=0.3))
+    b.joint("shoulder", "box", "upper", at=(0.1, 0, 0), axis=(0, 1, 1), motor=True, armature=0.1)
+    b.joint("elbow", "upper", "lower", "continuous", at=(0.3, 0.1, 0), axis=(1, 0, 0))
+    b.joint("rail", "lower", "slide", "prismatic", at=(0, 0.1, -0.4), axis=(0, 1, 0))
+    b.frame("tip", "slide", (0, 0, -0.1))
+    return b.robot()
+
+
+DRIVES = [
+    rbd.DrivenJoint("one", "shoulder", rbd.Speed(2.0)),
+    rbd.DrivenJoint("two", "elbow", lambda t: (0.3 * np.sin(4 * t), 1.2 * np.cos(4 * t), -4.8 * np.sin(4 * t))),
+    rbd.DrivenJoint("three", "rail", lambda t: np.exp(t)),
+]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("held", ["alone", "rod", "ball", "sole"])
+def test_driven_joints(held, count):
+    """At several times, with a loop, a rod and a sole with friction beside them: J_dot v and M of the motion that is driven."""
+    robot, drives = driven_arm(), DRIVES[:count]
+    rng, beside = (
+        np.random.default_rng(count),
+        {
+            "alone": [],
+            "rod": [rbd.LoopClosure("held", "universe", "tip", kind="rod")],
+            "ball": [rbd.LoopClosure("held", "universe", "tip")],
+            "sole": [rbd.SurfaceContact("held", "box", half_lengths=(0.1, 0.1), friction=0.8, on=None)],
+        }[held],
+    )
+    for t in (0.0, 0.3, 0.9):
+        q = pin.integrate(robot.model, robot.neutral(), 0.5 * rng.normal(size=robot.nv))
+        if held == "ball":
+            q[:3] -= robot.at(q).frame("tip").X_WF.translation
+        state = rbd.mechanism.project_velocity(robot.at(q, rng.normal(size=robot.nv)).at_time(t), [*drives, *beside])
+        tau, push = rng.normal(size=1), rng.normal(size=robot.nv)
+        s, g = (rbd.solve(state, tau, [*drives, *beside], external=push, solver=by) for by in (None, GaussFirst()))
+        assert s.solver == PREPARED and g.solver != PREPARED
+        assert residuals_of(s.problem, s.a, s.multipliers, s.weights, s.law).worst <= 1e-9
+        assert np.abs(s.a - g.a).max() <= 1e-10 * max(1.0, np.abs(g.a).max())
+        assert np.abs(s.multipliers - g.multipliers).max() <= 1e-9 * max(1.0, np.abs(g.multipliers).max())
+        for drive in drives:
+            given = drive.motion_at(t)[2]
+            assert abs(s.a[robot.joints[drive.joint].v.start] - given) <= 1e-10 * max(1.0, abs(given))
+
+
+def test_a_drive_that_shares_its_joint_or_is_off_its_speed_is_answered_as_before():
+    """Dry friction on a driven joint, a coupling to it, a stop of it: the general way; off its speed the warning of both."""
+    robot = driven_arm()
+    state = robot.at(v=np.zeros(robot.nv))
+    drive = rbd.DrivenJoint("drive", "shoulder", rbd.Speed(0.0))
+    for other in (
+        rbd.JointFriction("other", "shoulder", 1.0),
+        rbd.JointCoupling("other", "elbow", "shoulder", ratio=2.0),
+        rbd.JointLimit("other", "shoulder", upper=0.0),
+    ):
+        assert rbd.solve(state, [0.0], [drive, other]).solver != PREPARED
+    with pytest.raises(rbd.errors.InputError, match="both prescribe"):
+        rbd.solve(state, [0.0], [drive, rbd.DrivenJoint("other", "shoulder", rbd.Speed(1.0))])
+    fast = rbd.DrivenJoint("drive", "shoulder", rbd.Speed(0.5))
+    with pytest.warns(rbd.errors.MovingConstraintWarning, match="drive"):
+        assert rbd.solve(state, [0.0], [fast]).solver == PREPARED
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", rbd.errors.MovingConstraintWarning)
+        rbd.solve(rbd.mechanism.project_velocity(state, [fast]), [0.0], [fast])
+
+
+def test_many_states_with_drives_are_those_of_one_by_one():
+    """Each at its own time."""
+    robot, rng = driven_arm(), np.random.default_rng(0)
+    states = [robot.at(v=rng.normal(size=robot.nv)).at_time(t) for t in (0.0, 0.2, 0.5)]
+    states = [rbd.mechanism.project_velocity(s, DRIVES) for s in states]
+    Q, V = (np.array([getattr(s, x) for s in states]) for x in "qv")
+    found = rbd.solve_many(robot, Q, V, np.zeros((3, 1)), DRIVES, t=np.array([s.t for s in states]))
+    for i, s in enumerate(states):
+        assert np.abs(found.a[i] - rbd.solve(s, [0.0], DRIVES).a).max() <= 1e-10 * np.abs(found.a[i]).max()

@@ -17,6 +17,7 @@ import pinocchio as pin
 from rbd.answers.prepared.contact_bodies import NO_MOTION, OF_BASE, OF_BASE_TWO, OF_BODY, OF_LINK, Site
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact import Contact
+from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.surface import motion_of
@@ -79,12 +80,14 @@ class Source(NamedTuple):
         cone: The set of its forces.
         columns: Forces of unit weights, in the order of the set's generators.
         contacts: The constraint itself, if it is a contact.
+        drive: The constraint itself, if it drives the joint of its one column.
     """
 
     name: str
     cone: Cone
     columns: Sequence[Column | JointColumn]
     contacts: Sequence[Contact] = ()
+    drive: DrivenJoint | None = None
 
 
 def site_of(columns: Sequence[Column]) -> Site:
@@ -182,7 +185,7 @@ def _loop(robot: CheckedModel, loop: LoopClosure) -> Source | None:
 
 
 def source_of(robot: CheckedModel, constraint: object) -> Source | None:
-    """Of a constraint whose rows are the same at each state; None for others."""
+    """Of a constraint whose rows are the same at each state, or follow a motion of time in one joint; None for others."""
     if isinstance(constraint, Contact):
         return _contact(robot, constraint)
     if type(constraint) is LoopClosure:
@@ -195,6 +198,9 @@ def source_of(robot: CheckedModel, constraint: object) -> Source | None:
         if joint.nv > 1 and constraint.position is not None:
             return None
         return Source(constraint.name, Free(joint.nv), [((dof, 1.0),) for dof in range(joint.v.start, joint.v.stop)])
+    if type(constraint) is DrivenJoint:
+        joint = robot.joints.with_one_freedom(constraint.joint, constraint.name)
+        return Source(constraint.name, Free(1), [((joint.v.start, 1.0),)], drive=constraint)
     if type(constraint) is JointCoupling:
         one, other = constraint._joints(robot)
         return Source(constraint.name, Free(1), [((one.v.start, 1.0), (other.v.start, -constraint.ratio))])

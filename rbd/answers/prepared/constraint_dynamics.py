@@ -7,14 +7,18 @@ each body in contact: three at a single point, five of points on a line, else si
     forces      all that rest: of least norm, if these are in their sets; else Newton's method on those rows
     certificate `pin.rnea` at (q, v, a) with the forces of the columns on their bodies, from arrays of its own
 
+Of joints that are driven, with accelerations e at a time, all of this is done for a - e: J_dot v and h are those of the motion
+with the accelerations e, from `pin.rnea`, and the rows of the drives hold as those of locks.
+
 M, J and J_dot v, and the factors that found the answer, take no part in the certificate. What is not covered gets None, and is
-solved the general way: what rolls, drives, terrain, feedback, constraints of a user's own.
+solved the general way: what rolls, terrain, feedback, constraints of a user's own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from itertools import accumulate
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -134,6 +138,10 @@ class Plan(Workspaces):
         self._per_inertia, self._fall = 1.0 / robot.least_inertia, np.array(robot.model.gravity.linear)
         self._place([column for source in sources for column in source.columns])
         self._stand()
+        columns = list(accumulate((len(source.columns) for source in sources), initial=0))
+        self._drives = [
+            (j, self._robot.joints[s.drive.joint].v.start, s.drive) for j, s in zip(columns, sources, strict=False) if s.drive
+        ]
         super().__init__(robot.model, self._sites, self._units)
 
     @classmethod
@@ -212,6 +220,7 @@ class Plan(Workspaces):
         rest_speed: float,
         within: float,
         mu: Array | None = None,
+        t: float = 0.0,
     ) -> FoundForces | None:
         """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
 
@@ -224,14 +233,18 @@ class Plan(Workspaces):
             rest_speed: Up to this speed a contact is at rest [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
             mu: Friction of the cones; None: the constraints' own.
+            t: Time, for drives [s].
         """
+        driven, rates = self._driven(t) if self._drives else (None, ())
         loads, elements = self.loads(pushes), self.elements if mu is None else self.elements._replace(mu=self.friction(mu))
         space, misses = self.taken(), np.empty(5)
         try:
-            found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads)
+            found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads, driven=driven)
             if found is None:
                 return None
-            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses)
+            for j, rate in rates:
+                found.u[j] -= rate
+            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses, driven=driven)
             if not misses[4] <= OPEN:
                 return None
             if len(self._heights) and not max_abs(self._gaps.dot(space.places[self.corner_entries]) - self._heights) <= within:
@@ -251,6 +264,18 @@ class Plan(Workspaces):
         return FoundForces(
             found.a, forces, None if self.bilateral else w, METHODS[found.how], found.steps, worst, moving, openings, choice
         )  # fmt: skip
+
+    def _driven(self, t: float) -> tuple[Array, list[tuple[int, float]]]:
+        """Accelerations e at a time, shape (nv,), and (column, speed) of the drives.
+
+        Raises:
+            InputError: of their motions.
+        """
+        e, rates = np.zeros(self._robot.nv), []
+        for j, dof, drive in self._drives:
+            _, rate, e[dof] = drive.motion_at(t).tolist()
+            rates.append((j, rate))
+        return e, rates
 
     def friction(self, mu: Array) -> Array:
         """Friction of the elements, shape (..., e), with that of the cones replaced, shape (..., cones)."""
@@ -275,7 +300,7 @@ class Plan(Workspaces):
 
     def search(
         self, space: Workspace, q: Array, v: Array, generalised: Array, rest_speed: float, coulomb: bool, elements: Any,
-        loads: Loads, into: Sequence[Array] = (),
+        loads: Loads, into: Sequence[Array] = (), driven: Array | None = None,
     ) -> Found | None:  # fmt: skip
         """What obeys the law at one state, not yet certified; None where nothing is known.
 
@@ -289,6 +314,7 @@ class Plan(Workspaces):
             elements: As `elements`, with the friction at this state.
             loads: Of `loads`.
             into: Arrays for a, w, u and modes; else new ones.
+            driven: Accelerations e of driven joints, shape (nv,).
         """
         model, data, kernel = self._robot.model, space.data, self._kernel
         p = 0 if into else self.force_set.size
@@ -297,16 +323,21 @@ class Plan(Workspaces):
             a[:] = pin.aba(model, data, q, v, generalised)
             return Found(a, w, u, modes, kernel.HELD, 0, False)
         pin.crba(model, data, q, WORLD)
-        pin.nonLinearEffects(model, data, q, v)
+        if driven is None:
+            pin.nonLinearEffects(model, data, q, v)
+        else:
+            space.read[2][:] = pin.rnea(model, data, q, v, driven)
         how, steps, dependent = kernel.answer(
             *space.read, *space.fixed, v, generalised, space.memory, *loads, *self._columns, *elements, self._core, rest_speed,
             coulomb, self._closed, self.repeated, a, w, modes, u,
         )  # fmt: skip
+        if driven is not None:
+            a += driven
         return None if how == kernel.NOTHING else Found(a, w, u, modes, how, steps, dependent)
 
     def judged(
         self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool,
-        elements: Any, loads: Loads, misses: Array,
+        elements: Any, loads: Loads, misses: Array, driven: Array | None = None,
     ) -> float:  # fmt: skip
         """An upper bound of the largest scaled residual; those of the equations are written.
 
@@ -322,14 +353,15 @@ class Plan(Workspaces):
             loads: As there.
             misses: Written: of stationarity, feasibility, cone and complementarity, and how far
                 loops are open, shape (5,).
+            driven: As there.
         """
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
         kernel = certificate_kernel()
         kernel.act(*loads, *self.own, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = kernel.judged(
-            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self.own, *elements,
-            X, twists, lifts, self._fall, rest_speed, coulomb, misses,
+            left, generalised, torque, self._per_inertia, found.a if driven is None else found.a - driven, v, found.w,
+            *self.own, *elements, X, twists, lifts, self._fall, rest_speed, coulomb, misses,
         )  # fmt: skip
         return worst
 
@@ -441,7 +473,7 @@ class ConstraintDynamics:
         ropes: The ropes of known length, likewise.
 
     Attributes:
-        on_still_ground: Whether all act between one body and ground at rest, as forces that are constant in some axes.
+        on_still_ground: Whether all act between one body and ground at rest, as forces that are constant in axes; no drive.
     """
 
     def __init__(
@@ -454,8 +486,10 @@ class ConstraintDynamics:
         self._robot, self.sources, self._limits, self._ropes = robot, sources, limits, ropes
         self._ends = [(robot.site(rope.frame_a), robot.site(rope.frame_b)) for rope in ropes.values()]
         self._spaces = Workspaces(robot.model, [])
-        columns = [c for source in sources if source is not None for c in source.columns if isinstance(c, Column)]
-        self.on_still_ground = all(c.base < 0 and c.axes <= law_kernel().EDGE for c in columns)
+        known = [source for source in sources if source is not None]
+        columns = [c for source in known for c in source.columns if isinstance(c, Column)]
+        still = all(c.base < 0 and c.axes <= law_kernel().EDGE for c in columns)
+        self.on_still_ground = still and not any(source.drive for source in known)
         stops = [limit.stop(robot) for limit in limits.values()]
         self._q = np.array([stop.q for stop in stops], int)
         self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
@@ -544,4 +578,13 @@ def _covered(robot: CheckedModel, constraints: tuple[object, ...]) -> Constraint
     sources = [None if i in limits else source_of(robot, c) for i, c in enumerate(constraints)]
     names = {getattr(c, "name", None) for c in constraints}
     covered = len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources))
+    covered &= _drives_alone([s for s in sources if s is not None], [limit.stop(robot).v for limit in limits.values()])
     return ConstraintDynamics(robot, sources, limits, ropes) if covered else None
+
+
+def _drives_alone(sources: Sequence[Source], stops: Sequence[int]) -> bool:
+    """Whether nothing else has a row of a joint that is driven: its row, of a - e, would be another's."""
+    rows = [(s.drive is not None, c) for s in sources for c in s.columns if not isinstance(c, Column)]
+    driven = [dof for drives, torques in rows if drives for dof, _ in torques]
+    others = [dof for drives, torques in rows if not drives for dof, _ in torques]
+    return len(set(driven)) == len(driven) and not set(driven) & {*others, *stops}
