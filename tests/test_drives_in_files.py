@@ -235,6 +235,9 @@ def test_the_command_turns_the_drives(tmp_path: Path) -> None:
     run = CliRunner().invoke(app, ["mechanism", str(path), "--json", str(numbers), "--tries", "20"])
     assert run.exit_code == 0, run.output
     assert "Driven by motor, it has 0 degrees of freedom left." in run.output and "driven by motor:" in run.output
+    assert (
+        "with crank_joint at 0.00 deg" in run.output and "crank_joint: 30 to 30 rad/s" in run.output
+    )  # the input is the driven
     data = json.loads(numbers.read_text())
     assert data["driven"]["driven"] == ["motor"] and data["driven"]["instantaneous"] == 0
     a, r, ell = np.linspace(0, 2 * np.pi, 361), 0.05, 0.2

@@ -206,6 +206,7 @@ class MechanismReport:
         joints, lines = self.robot.joints, [f"{turn.t[-1]:.4g} s, from t = 0, with no other motor:"]
         for drive, (least, most, mean) in zip(self.robot.drives(), (self.efforts() or {}).values(), strict=True):
             unit = FORCE_OF[joints[drive.joint].unit]
+            mean = mean if abs(mean) > 1e-9 * max(abs(least), abs(most)) else 0.0  # rounding
             lines.append(f"{drive.name} on {drive.joint}: {least:.4g} to {most:.4g} {unit}, mean {mean:.4g}")
         rates = zip(joints.velocities, (self.rates() or {}).values(), strict=True)
         return "\n".join([*lines, *(f"{c.name}: {least:.4g} to {most:.4g} {c.unit}/s" for c, (least, most) in rates)])
@@ -287,7 +288,8 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     state = assembled(robot, held, State(robot, q))
     left_out: dict[str, str] = {}
     topology, found = classify(state, held), mobility(state, held, seed=seed)
-    free = independent_velocities(state, held, prefer=robot.actuated_names)
+    inputs_first = dict.fromkeys([*(drive.joint for drive in robot.drives()), *robot.actuated_names])
+    free = independent_velocities(state, held, prefer=tuple(inputs_first))
     fixed = _values(robot, state, free, left_out)
     every = None
     if fixed is not None and held and not found.velocity_only:
