@@ -328,3 +328,39 @@ def test_many_states_with_drives_are_those_of_one_by_one():
     found = rbd.solve_many(robot, Q, V, np.zeros((3, 1)), DRIVES, t=np.array([s.t for s in states]))
     for i, s in enumerate(states):
         assert np.abs(found.a[i] - rbd.solve(s, [0.0], DRIVES).a).max() <= 1e-10 * np.abs(found.a[i]).max()
+
+
+LIFT = rbd.Ground(
+    motion=lambda t: (
+        (0.1 * np.sin(3 * t), 0.2 * t * t, 0.3 * np.cos(2 * t)),
+        (0.3 * np.cos(3 * t), 0.4 * t, -0.6 * np.sin(2 * t)),
+        (-0.9 * np.sin(3 * t), 0.4, -1.2 * np.cos(2 * t)),
+    ),
+    normal=(0.6, 0.0, 0.8),
+)
+BELT = rbd.Ground(motion=lambda t: (np.sin(t), 0.0, t), normal=(0.6, 0.0, 0.8))
+
+
+@pytest.mark.parametrize("mu", [None, 0.6, 0.0])
+@pytest.mark.parametrize("kind", ["point", "edge", "patch"])
+def test_contacts_with_ground_that_follows_a_motion_of_time(kind, mu):
+    """At several times, on one ground and on two that move apart: velocity and acceleration are those of the time."""
+    for seed, t in enumerate((0.0, 0.4, 1.1)):
+        two = [contacts_on(LIFT)[kind](mu), rbd.PointContact("d", "a_box", offset=(0.1, 0, 0), friction=mu, on=BELT)]
+        for held in (two[:1], two):
+            state = rbd.mechanism.project_velocity(at_rest(held[:1], seed).at_time(t), held)
+            agree(state, held, seed)
+
+
+def test_a_lift_is_looked_for_where_it_is():
+    """A box on a lift's plane at 0.4 s: there it is prepared, and 0.4 s before it is off it by 3 cm, which is said."""
+    lift = rbd.Ground(point=(0, 0, -0.5), motion=lambda t: (0.0, 0.0, 0.3 * t * t))
+    sole = rbd.SurfaceContact(
+        "c", "b_box", placement=pin.SE3(np.eye(3), np.array([0, 0, -0.5])), on=lift, friction=0.5, **SQUARE
+    )
+    q = pin.neutral(PAIR.model)
+    q[9] += 0.3 * 0.16
+    on = rbd.mechanism.project_velocity(rbd.State(PAIR, q).at_time(0.4), [sole])
+    assert both(on, [sole], np.zeros(PAIR.nv))[0].solver == PREPARED
+    with pytest.warns(rbd.errors.DistantContactWarning, match="'c'"):
+        rbd.solve(rbd.State(PAIR, q), [], [sole])

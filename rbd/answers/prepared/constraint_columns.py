@@ -24,7 +24,7 @@ from rbd.constraints.surface import motion_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone, Free, checked_generators
-from rbd.problem.ground import Body
+from rbd.problem.ground import Body, Ground
 
 _ONE_LINE = 1e-9
 """Spread of points across a line, over that along it, up to which they are on it."""
@@ -54,6 +54,7 @@ class Column(NamedTuple):
         motion: As of `Site`.
         closes: The loop that it is of.
         turn: As of `Site`.
+        ground: The ground that it is on, if that follows a motion of time: `motion` is then where its velocity is given.
     """
 
     joint: int
@@ -66,6 +67,7 @@ class Column(NamedTuple):
     motion: tuple[float, ...] = NO_MOTION
     closes: LoopClosure | None = None
     turn: tuple[float, ...] = NO_MOTION
+    ground: Ground | None = None
 
 
 JointColumn: TypeAlias = tuple[tuple[int, float], ...]
@@ -126,15 +128,14 @@ def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
     if isinstance(on, Body):
         base, X_BF = robot.site(on.frame)
         R_BS = X_BF.rotation
-    elif on is not None and on.motion is not None:
-        return None
     elif on is not None and on.moves:
         about = [np.nan] * 3 if on.about is None else on.about
         base, motion = 0, tuple(np.concatenate([*motion_of(on), about, X.translation]).tolist())
     if not joint or joint == base or (base == 0 and isinstance(on, Body)):
         return None
     n = contact.normal
-    made = partial(Column, joint, base=base, motion=motion)
+    timed = on if isinstance(on, Ground) and on.motion is not None else None
+    made = partial(Column, joint, base=base, motion=motion, ground=timed)
     x, up = X.rotation[:, 0], _NONE if n is None else R_BS @ n
     columns, at = list[Column](), np.eye(3) if k == 1 and cone.bilateral else cone.at_points
     for j in range(G.shape[1]):

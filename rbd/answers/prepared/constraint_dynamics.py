@@ -45,6 +45,7 @@ from rbd.arrays import Array, max_abs, rank_of
 from rbd.constraints.constraint import OPEN
 from rbd.constraints.joint import JointLimit
 from rbd.constraints.loop import LoopClosure
+from rbd.constraints.surface import motion_of
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.problem.cones import NonNegative
@@ -154,8 +155,11 @@ class Plan(Workspaces):
         bodies = dict[tuple[object, ...], list[tuple[int, Column]]]()
         for j, column in enumerate(found):
             if isinstance(column, Column):
-                bodies.setdefault((column.joint, column.base, column.motion, column.closes), []).append((j, column))
+                bodies.setdefault((column.joint, column.base, column.motion, column.closes, column.ground), []).append(
+                    (j, column)
+                )
         p, self._sites, self._units, m = len(found), list[Site](), list[JointEntry](), 0
+        self._grounds = [(k, c[0][1].ground) for k, c in enumerate(bodies.values()) if c[0][1].ground is not None]
         place, own = (
             self._kernel.Columns(*(np.zeros((p, 3)) for _ in range(4)), np.zeros((p, 5), np.int64)) for _ in ("place", "own")
         )
@@ -236,18 +240,22 @@ class Plan(Workspaces):
             t: Time, for drives [s].
         """
         driven, rates = self._driven(t) if self._drives else (None, ())
+        own = self._own_at(t) if self._grounds else self.own
         loads, elements = self.loads(pushes), self.elements if mu is None else self.elements._replace(mu=self.friction(mu))
         space, misses = self.taken(), np.empty(5)
+        for k, _ in self._grounds:
+            space.sites[k, 12:24] = own[-1][k, :12]
         try:
             found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads, driven=driven)
             if found is None:
                 return None
             for j, rate in rates:
                 found.u[j] -= rate
-            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses, driven=driven)
+            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses, own, driven)
             if not misses[4] <= OPEN:
                 return None
-            if len(self._heights) and not max_abs(self._gaps.dot(space.places[self.corner_entries]) - self._heights) <= within:
+            gaps = self._gaps.dot(space.places[self.corner_entries]) - (self._heights_at(t) if self._grounds else self._heights)
+            if len(gaps) and not max_abs(gaps) <= within:
                 return None
         finally:
             self.put_back(space)
@@ -264,6 +272,18 @@ class Plan(Workspaces):
         return FoundForces(
             found.a, forces, None if self.bilateral else w, METHODS[found.how], found.steps, worst, moving, openings, choice
         )  # fmt: skip
+
+    def _own_at(self, t: float) -> tuple[Array, ...]:
+        """`own` at a time, with the motions of ground that follows one."""
+        motions = self.own[-1].copy()
+        for k, ground in self._grounds:
+            motions[k, :12] = np.concatenate(motion_of(ground.at(t)))
+        return *self.own[:-1], motions
+
+    def _heights_at(self, t: float) -> Array:
+        """Heights of the planes at a time."""
+        on = [c.plane for source in self.sources for c in source.contacts if c.plane is not None for _ in c.corners]
+        return np.array([ground.at(t).height for ground in on])
 
     def _driven(self, t: float) -> tuple[Array, list[tuple[int, float]]]:
         """Accelerations e at a time, shape (nv,), and (column, speed) of the drives.
@@ -337,7 +357,7 @@ class Plan(Workspaces):
 
     def judged(
         self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool,
-        elements: Any, loads: Loads, misses: Array, driven: Array | None = None,
+        elements: Any, loads: Loads, misses: Array, own: tuple[Array, ...] | None = None, driven: Array | None = None,
     ) -> float:  # fmt: skip
         """An upper bound of the largest scaled residual; those of the equations are written.
 
@@ -353,15 +373,17 @@ class Plan(Workspaces):
             loads: As there.
             misses: Written: of stationarity, feasibility, cone and complementarity, and how far
                 loops are open, shape (5,).
+            own: The columns with the motions of the ground at a time, in place of its own.
             driven: As there.
         """
+        own = self.own if own is None else own
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
         kernel = certificate_kernel()
-        kernel.act(*loads, *self.own, X, found.w, space.pushes.reshape(-1, 6), torque)
+        kernel.act(*loads, *own, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = kernel.judged(
             left, generalised, torque, self._per_inertia, found.a if driven is None else found.a - driven, v, found.w,
-            *self.own, *elements, X, twists, lifts, self._fall, rest_speed, coulomb, misses,
+            *own, *elements, X, twists, lifts, self._fall, rest_speed, coulomb, misses,
         )  # fmt: skip
         return worst
 
