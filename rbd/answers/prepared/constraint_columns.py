@@ -1,7 +1,8 @@
 """What constraints are to a plan: the forces that their weights put on bodies and joints.
 
 A *column* is the force of one unit weight of a constraint's set of forces, with the place and the axes in which it is constant:
-of its body, of the surface, of an edge. Contacts and loops act between two bodies, or a body and the ground, which may move.
+of its body, of the surface, of an edge, along a rod. Contacts and loops act between two bodies, or a body and the ground, which may
+move. Columns make *elements*: intervals of one weight, and friction cones of three.
 """
 
 from __future__ import annotations
@@ -9,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache, partial
 from types import ModuleType
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.answers.prepared.contact_bodies import NO_MOTION, OF_BASE, OF_BASE_TWO, OF_BODY, OF_LINK, Site
-from rbd.arrays import Array, zeros
+from rbd.arrays import Array, rank_of, zeros
 from rbd.constraints.contact import Contact
 from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
@@ -24,10 +25,13 @@ from rbd.constraints.surface import motion_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone, Free, checked_generators
+from rbd.problem.force_set import ForceSet
 from rbd.problem.ground import Body, Ground
 
 _ONE_LINE = 1e-9
 """Spread of points across a line, over that along it, up to which they are on it."""
+_ALL = 12
+"""Up to this number of points, all are taken into account from the start."""
 _NONE = zeros(3)
 _X = np.array([1.0, 0.0, 0.0])
 
@@ -206,3 +210,52 @@ def source_of(robot: CheckedModel, constraint: object) -> Source | None:
         one, other = constraint._joints(robot)
         return Source(constraint.name, Free(1), [((one.v.start, 1.0), (other.v.start, -constraint.ratio))])
     return None
+
+
+def elements_of(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
+    """The elements, and whether all forces on the m rows are forces of columns.
+
+    Of points with the world's axes forces of least norm are those in their bodies' axes, turned: for orthonormal axes only.
+    """
+    force, moment, arm, _, body = columns
+    kernel = law_kernel()
+    moment = np.where(body[:, 1:2] >= kernel.EDGE, 0.0, moment)
+    Q, first = np.zeros((m, T.size)), np.array([e.columns.start for e in T.elements], np.int64)
+    turns, even = np.flatnonzero((body[:, 1] != kernel.BODY) & (body[:, 1] != kernel.ROWS)), True
+    axes = force.copy()
+    for three in turns[: len(turns) // 3 * 3].reshape(-1, 3):
+        F = force[three]
+        even &= bool((np.diff(three) == 1).all()) and float(np.abs(F @ F.T - np.eye(3)).max()) < 1e-14
+        axes[three] = np.eye(3)
+    even &= len(turns) % 3 == 0
+    body[turns[::3], 4] = even
+    for j, (k, kind, at, width, _) in enumerate(body.tolist()):
+        wrench = np.concatenate([axes[j], moment[j] + np.cross(arm[j], axes[j])])
+        if kind == kernel.ROWS:
+            wrench = np.eye(6)[int(force[j, 0])]
+        Q[at : at + width, j] = wrench[:width] if k >= 0 else force[j, :1]
+    mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements], float)
+    share = np.ascontiguousarray(np.linalg.pinv(Q)) if even and Q.size else np.zeros((T.size, m))
+    starts, normals = np.ones(len(first), bool), first + np.where(mu > 0.0, 2, 0)
+    if (mu > 0.0).sum() > _ALL:
+        starts = mu == 0.0
+        for k in np.unique(body[normals[~starts], 0]):
+            here = np.flatnonzero((mu > 0.0) & (body[normals, 0] == k))
+            starts[here[spread_out(arm[normals[here]], 4)]] = True
+    begin = share
+    if not starts.all() and share.any():
+        some = np.isin(T.element_at, np.flatnonzero(starts))
+        begin = np.zeros(share.shape)
+        begin[some] = np.linalg.pinv(Q[:, some])
+    closed = even and (not m or rank_of(Q, 1e-9) == m)
+    return made(first, T.lower[first], T.upper[first], mu, share, starts, begin), closed
+
+
+def spread_out(points: Array, count: int) -> list[int]:
+    """Numbers of some points that are far from each other."""
+    away, out = np.linalg.norm(points - points.mean(axis=0), axis=1), list[int]()
+    for _ in range(min(count, len(points))):
+        out.append(int(away.argmax()))
+        step = np.linalg.norm(points - points[out[-1]], axis=1)
+        away = step if len(out) == 1 else np.minimum(away, step)
+    return out

@@ -26,7 +26,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.answers.analysis.force_choice import MINIMUM_NORM, UNIQUE
-from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source, law_kernel, site_of, source_of
+from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source, elements_of, law_kernel, site_of, source_of
 from rbd.answers.prepared.contact_bodies import (
     MOST,
     OF_BASE,
@@ -41,7 +41,7 @@ from rbd.answers.prepared.contact_bodies import (
     plane_gaps,
     value_of,
 )
-from rbd.arrays import Array, max_abs, rank_of
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import OPEN
 from rbd.constraints.joint import JointLimit
 from rbd.constraints.loop import LoopClosure
@@ -50,14 +50,12 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import Opening
-from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.force_set import at_rest
 
 METHODS = ("closed form", "cones: Newton")
 """Of constraints that are held or stick, and of those that slip or open."""
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
-_ALL = 12
-"""Up to this number of points, all are taken into account from the start."""
 
 
 class FoundForces(NamedTuple):
@@ -195,7 +193,7 @@ class Plan(Workspaces):
         self._m, self._columns = m, place
         at, gears = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
         self.own = *own, at, gears, np.reshape(motions, (-1, 45))
-        self.elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
+        self.elements, self._closed = elements_of(self._kernel.Elements, self.force_set, place, m)
         self.repeated = len(self.force_set.G) > m
 
     def _stand(self) -> None:
@@ -434,55 +432,6 @@ class Plan(Workspaces):
 
 def _write(columns: Any, j: int, *vectors: Array) -> None:
     columns.force[j], columns.moment[j], columns.arm[j], columns.along[j] = vectors
-
-
-def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
-    """The elements, and whether all forces on the m rows are forces of columns.
-
-    Of points with the world's axes forces of least norm are those in their bodies' axes, turned: for orthonormal axes only.
-    """
-    force, moment, arm, _, body = columns
-    kernel = law_kernel()
-    moment = np.where(body[:, 1:2] >= kernel.EDGE, 0.0, moment)
-    Q, first = np.zeros((m, T.size)), np.array([e.columns.start for e in T.elements], np.int64)
-    turns, even = np.flatnonzero((body[:, 1] != kernel.BODY) & (body[:, 1] != kernel.ROWS)), True
-    axes = force.copy()
-    for three in turns[: len(turns) // 3 * 3].reshape(-1, 3):
-        F = force[three]
-        even &= bool((np.diff(three) == 1).all()) and float(np.abs(F @ F.T - np.eye(3)).max()) < 1e-14
-        axes[three] = np.eye(3)
-    even &= len(turns) % 3 == 0
-    body[turns[::3], 4] = even
-    for j, (k, kind, at, width, _) in enumerate(body.tolist()):
-        wrench = np.concatenate([axes[j], moment[j] + np.cross(arm[j], axes[j])])
-        if kind == kernel.ROWS:
-            wrench = np.eye(6)[int(force[j, 0])]
-        Q[at : at + width, j] = wrench[:width] if k >= 0 else force[j, :1]
-    mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements], float)
-    share = np.ascontiguousarray(np.linalg.pinv(Q)) if even and Q.size else np.zeros((T.size, m))
-    starts, normals = np.ones(len(first), bool), first + np.where(mu > 0.0, 2, 0)
-    if (mu > 0.0).sum() > _ALL:
-        starts = mu == 0.0
-        for k in np.unique(body[normals[~starts], 0]):
-            here = np.flatnonzero((mu > 0.0) & (body[normals, 0] == k))
-            starts[here[spread_out(arm[normals[here]], 4)]] = True
-    begin = share
-    if not starts.all() and share.any():
-        some = np.isin(T.element_at, np.flatnonzero(starts))
-        begin = np.zeros(share.shape)
-        begin[some] = np.linalg.pinv(Q[:, some])
-    closed = even and (not m or rank_of(Q, 1e-9) == m)
-    return made(first, T.lower[first], T.upper[first], mu, share, starts, begin), closed
-
-
-def spread_out(points: Array, count: int) -> list[int]:
-    """Numbers of some points that are far from each other."""
-    away, out = np.linalg.norm(points - points.mean(axis=0), axis=1), list[int]()
-    for _ in range(min(count, len(points))):
-        out.append(int(away.argmax()))
-        step = np.linalg.norm(points - points[out[-1]], axis=1)
-        away = step if len(out) == 1 else np.minimum(away, step)
-    return out
 
 
 class ConstraintDynamics:
