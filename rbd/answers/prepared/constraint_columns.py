@@ -1,8 +1,8 @@
 """What constraints are to a plan: the forces that their weights put on bodies and joints.
 
 A *column* is the force of one unit weight of a constraint's set of forces, with the place and the axes in which it is constant:
-of its body, of the surface, of an edge, along a rod. Contacts and loops act between two bodies, or a body and the ground, which may
-move. Columns make *elements*: intervals of one weight, and friction cones of three.
+of its body, of the surface, of an edge, along a rod. Contacts and loops act between two bodies, or a body and the ground, which
+may move. Columns make *elements*: intervals of one weight, and friction cones of three.
 """
 
 from __future__ import annotations
