@@ -441,7 +441,8 @@ def use_builder(what: str, **given: Any) -> Any:
     if what == "body":
         b.joint("three", "upper", given["name"])
     robot = b.robot()
-    return robot.mass, robot.nv, robot.at().M, [c.name for c in (*robot.loops(), *robot.wheels())], robot.frames()
+    own = (*robot.loops(), *robot.wheels(), *robot.drives())
+    return robot.mass, robot.nv, robot.at().M, [c.name for c in own], robot.frames()
 
 
 def built(what: str, **good: Any) -> Case:
@@ -884,7 +885,15 @@ CASES: dict[str, Case] = {
     "RobotBuilder.frame": built("frame", name="x", body="lower", at=(0, 0, 1), rpy=(0, 0, 1)),
     "RobotBuilder.loop": built("loop", name="x", a="lower", b=("ground", (0, 0, 1)), kind="planar", axis=(0, 0, 1)),
     "RobotBuilder.coupling": built("coupling", name="x", joint="one", to="two", ratio=2.0, offset=0.1),
-    "RobotBuilder.wheel": built("wheel", name="x", frame="lower", kind="rolling_disk", radius=0.1, axis=(0, 1, 0)),
+    "RobotBuilder.drive": built("drive", name="x", joint="one", rate=2.0, start=0.1),
+    "RobotBuilder.drive along a spline": built(
+        "drive", name="x", joint="one", times=(0, 1, 2, 3), values=(0, 1, 1, 0), periodic=True
+    ),
+    "RobotBuilder.wheel": built("wheel", name="x", frame="lower", kind="rolling_disk", radius=0.1, axis=(0, 1, 0), on=0.1),
+    "RobotBuilder.wheel in a pipe": built(
+        "wheel", name="x", frame="lower", kind="rolling_on_round", radius=0.1, surface_radius=-1.0, axis=(0, 1, 0), on=(0, 0, 1)
+    ),
+    "RobotBuilder.wheel of an egg": built("wheel", name="x", frame="lower", kind="rolling_body", shape=(0.1, 0.2, 0.1)),
     "RobotBuilder.posture": built("posture", name="x", values={"one": 0.1}),
     "mechanism.Link": Case(
         lambda **given: str(rbd.mechanism.Link(**given)),

@@ -254,11 +254,11 @@ WRONG_NAMES = [
     ("wheels: [{name: w, kind: rolling_ball, frame: crank, radius: 0}]", "wheel 'w': radius .* is 0.0; expected a length > 0"),
     (
         "wheels: [{name: w, kind: rolling_ball, frame: crank, radius: 1, axis: [0, 1, 0]}]",
-        "'w'.* has a key 'axis'.* some of name, kind, frame, radius\\.",
+        "'w'.* has a key 'axis'.* some of name, kind, frame, radius, on\\.",
     ),
     (
         "wheels: [{name: w, kind: rolling_disk, frame: crank, radius: 1, direction: [0, 1, 0]}]",
-        "'w'.* has a key 'direction'.* some of name, kind, frame, radius, axis\\.",
+        "'w'.* has a key 'direction'.* some of name, kind, frame, radius, axis, on\\.",
     ),
     ("wheels: [{name: w, kind: rolling_disk, frame: crank, radius: 1, axis: [0, 0, 0]}]", "axis of .*'w'.* of length 0"),
     (

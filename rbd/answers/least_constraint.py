@@ -162,7 +162,7 @@ def prepared_solution(
         generalised += generalised_force(state, elements if force is None else external)[0]
     plan = constraints.plan(state.q)
     found = plan.answer(
-        state.q, state.v, generalised, pushes, coulomb=law == COULOMB, rest_speed=rest_speed, within=within, mu=mu
+        state.q, state.v, generalised, pushes, coulomb=law == COULOMB, rest_speed=rest_speed, within=within, mu=mu, t=state.t
     )  # fmt: skip
     if found is None:
         return None

@@ -1,11 +1,11 @@
-"""The report of `rbd mechanism`: topology, mobility, assembly modes, singular poses, integrability."""
+"""The report of `rbd mechanism`: topology, mobility, assembly modes, singular poses, integrability, and what drives do."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -29,6 +29,7 @@ from rbd.mechanism import (
     independent_velocities,
     integrability,
     mobility,
+    project_velocity,
     singularities,
     singularities_along,
     trace,
@@ -36,11 +37,18 @@ from rbd.mechanism import (
 from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.mechanism.poses import measured
 from rbd.mechanism.singular_configurations import KINDS
+from rbd.model.joints import FORCE_OF
 from rbd.model.state import State
+from rbd.problem.motions import Speed
 from rbd.records import Field, counted
 from rbd.robots.robot import Robot
+from rbd.simulation.run import simulate
+from rbd.simulation.trajectory import Trajectory
 
 Answer = TypeVar("Answer")
+
+STEPS = 360
+"""Steps of the driven motion."""
 
 MOST_FIXED = 6
 """Branches are searched by fixing the independent joints, up to this number of them."""
@@ -61,6 +69,8 @@ class MechanismReport:
         motion: One turn of the input, of a mechanism with one degree of freedom.
         along: The singularities of that motion.
         integrable: Whether the constraints of velocity are holonomic.
+        driven: The mobility that the drives of its file leave.
+        turn: Its motion while these make a turn, or follow their splines to the end.
         left_out: {what: why}.
     """
 
@@ -74,6 +84,8 @@ class MechanismReport:
     motion: Trace | None
     along: SingularitiesAlong | None
     integrable: Integrability | None
+    driven: Mobility | None
+    turn: Trajectory | None
     left_out: dict[str, str]
 
     fields: ClassVar[tuple[Field, ...]] = (
@@ -86,12 +98,16 @@ class MechanismReport:
         Field("limits", (), "", "ends of the motion", lambda found: found.motion and [x.value for x in found.motion.limits]),
         Field("singular_at", (), "", "places along it", lambda found: found.along and [s.at for s in found.along.found]),
         Field("growth", (), "", "of velocities and brackets", lambda found: found.integrable and found.integrable.growth),
+        Field("driven", (), "", "the mobility that is left where the drives of its file act"),
+        Field("rates", (), "", "of a driven turn: least and largest velocity of each joint", lambda found: found.rates()),
+        Field("efforts", (), "", "of a driven turn: force of each drive, least, largest, mean", lambda found: found.efforts()),
         Field("left_out", (), "", "what was not computed, and why"),
     )  # fmt: skip
 
     def __str__(self) -> str:
         robot, found, along = self.robot, self.branches, self.along
-        kinds = [f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops(), *robot.wheels())]
+        every = (*robot.loops(), *robot.wheels(), *robot.drives())
+        kinds = [f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in every]
         joints = ", ".join(list(robot.model.names)[1:])
         angles = zip(self.angles().items(), self._marks(), strict=True)
         parts = {
@@ -100,7 +116,8 @@ class MechanismReport:
             "motion": self.motion,
             "singular poses along it": along and self._passed(along),
             "integrability": self.integrable,
-            "parts": f"{self.topology}\njoints: {joints}\nloops and wheels: {', '.join(kinds) or 'none'}",
+            f"driven by {', '.join(d.name for d in robot.drives())}": self.turn and self._driven(self.turn),
+            "parts": f"{self.topology}\njoints: {joints}\nloops, wheels and drives: {', '.join(kinds) or 'none'}",
             "left out": "\n".join(f"{what}: {why}" for what, why in self.left_out.items()) or None,
             "how the branches were found": found and _first_line(found),
             "distance from singular poses (least singular value over the largest, 0 is singular)": self.here,
@@ -123,6 +140,9 @@ class MechanismReport:
                 lines[0] = f"{lines[0][:-1]} and {known.configuration_dof} of configuration: its constraints are {kind}."
         else:
             lines = [f"{name} moves with {counted(m.finite, 'degree')} of freedom." if m.moves else f"{name} does not move."]
+        if self.driven is not None:
+            drives = ", ".join(self.driven.driven)
+            lines.append(f"Driven by {drives}, it has {counted(self.driven.instantaneous, 'degree')} of freedom left.")
         if self.branches is not None:
             count = len(self.branches)
             shown = f"; this pose is {self.shown}" if self.shown else ""
@@ -165,6 +185,31 @@ class MechanismReport:
             + "; this pose" * (f"branch {i}" == shown)
             for i, b in enumerate(found)
         ]
+
+    def rates(self) -> dict[str, list[float]] | None:
+        """{velocity: (least, largest)} of the driven turn [rad/s, m/s]."""
+        if self.turn is None:
+            return None
+        names = [c.name for c in self.robot.joints.velocities]
+        return {name: [float(v.min()), float(v.max())] for name, v in zip(names, self.turn.v.T, strict=True)}
+
+    def efforts(self) -> dict[str, list[float]] | None:
+        """{drive: (least, largest, mean over time)} of its torque or force in the driven turn [N m, N]."""
+        if self.turn is None:
+            return None
+        forces, T = self.turn.forces, self.turn.t
+        each = {drive.name: np.asarray(forces[drive.name]).reshape(len(T)) for drive in self.robot.drives()}
+        return {name: [float(f.min()), float(f.max()), float(np.trapezoid(f, T) / (T[-1] - T[0]))] for name, f in each.items()}
+
+    def _driven(self, turn: Trajectory) -> str:
+        """Torques and rates while the drives make their turn."""
+        joints, lines = self.robot.joints, [f"{turn.t[-1]:.4g} s, from t = 0, with no other motor:"]
+        for drive, (least, most, mean) in zip(self.robot.drives(), (self.efforts() or {}).values(), strict=True):
+            unit = FORCE_OF[joints[drive.joint].unit]
+            mean = mean if abs(mean) > 1e-9 * max(abs(least), abs(most)) else 0.0  # rounding
+            lines.append(f"{drive.name} on {drive.joint}: {least:.4g} to {most:.4g} {unit}, mean {mean:.4g}")
+        rates = zip(joints.velocities, (self.rates() or {}).values(), strict=True)
+        return "\n".join([*lines, *(f"{c.name}: {least:.4g} to {most:.4g} {c.unit}/s" for c, (least, most) in rates)])
 
     def _passed(self, along: SingularitiesAlong) -> str:
         """The singular poses on the way, at the values of the driven joint."""
@@ -243,7 +288,8 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     state = assembled(robot, held, State(robot, q))
     left_out: dict[str, str] = {}
     topology, found = classify(state, held), mobility(state, held, seed=seed)
-    free = independent_velocities(state, held, prefer=robot.actuated_names)
+    inputs_first = dict.fromkeys([*(drive.joint for drive in robot.drives()), *robot.actuated_names])
+    free = independent_velocities(state, held, prefer=tuple(inputs_first))
     fixed = _values(robot, state, free, left_out)
     every = None
     if fixed is not None and held and not found.velocity_only:
@@ -261,7 +307,35 @@ def report_mechanism(robot: Robot, q: Array, *, seed: int = 0, tries: int = 200)
     integrable = None
     if found.velocity_only:
         integrable = _unless(left_out, "integrability", lambda: integrability(robot.at(), held, seed=seed))
-    return MechanismReport(robot, state, topology, found, fixed or {}, every, here, motion, along, integrable, left_out)
+    left = driven_turn = None
+    if robot.drives():
+        driven_turn = _unless(left_out, "driven motion", lambda: _turn(state, held))
+        left = _unless(left_out, "driven mobility", lambda: mobility(_driven_from(state, held), [*held, *robot.drives()]))
+    return MechanismReport(
+        robot, state, topology, found, fixed or {}, every, here, motion, along, integrable, left, driven_turn, left_out
+    )  # fmt: skip
+
+
+def _driven_from(state: State, held: Sequence[Constraint]) -> State:
+    """The state near another one with its drives where they begin."""
+    robot: Robot = state.robot  # type: ignore[assignment]
+    return assembled(robot, [*held, *robot.drives()], state)
+
+
+def _turn(state: State, held: Sequence[Constraint]) -> Trajectory:
+    """The motion while the drives of the robot's file make a turn, a second of what slides, or their splines once."""
+    robot: Robot = state.robot  # type: ignore[assignment]
+    longest, constraints = 0.0, [*held, *robot.drives()]
+    for drive in robot.drives():
+        motion: Any = drive.motion
+        if isinstance(motion, Speed):
+            speed = abs(float(np.asarray(motion.rate)))
+            lasts = 2.0 * np.pi / speed if speed and robot.joints[drive.joint].is_angle else 1.0
+        else:
+            lasts = float(motion.x[-1])
+        longest = max(longest, lasts)
+    start = project_velocity(_driven_from(state, held), constraints)
+    return simulate(start, constraints, duration=longest, step=longest / STEPS)
 
 
 def assembled(robot: Robot, constraints: Sequence[Constraint], near: State) -> State:

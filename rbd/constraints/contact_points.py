@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -21,6 +21,7 @@ from rbd.constraints.constraint import Constraint, anchored, member, rows_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
+from rbd.problem.answer import corner_split
 from rbd.problem.cones import Cone, Free
 from rbd.problem.rows import Rows
 
@@ -127,8 +128,9 @@ class Measured:
         to_world: Maps the p row forces to the resultant on the robot in world axes, shape (r, p); None: row forces themselves,
             or the sum of the points' forces, with their moments if there are arms.
         arms: From its contact's centre to each point in W, shape (k, 3) [m]; None if the resultant is only a force.
-        points: Positions of the points in W, shape (k, 3) [m]; None if it is not a contact.
+        points: Positions of the points in W, shape (k, 3) [m], of a bilateral patch its corners; None if it is not a contact.
         axes: R_WC of the contact axes; (3, 3), or (k, 3, 3); None if it is not a contact.
+        split: Of a bilateral patch: row forces (p,) -> the forces at its corners of least norm, shape (corners, 3), in W.
         pushes: Force on its point of a unit force of each row, in contact axes, shape (p, 3); None: along the last axes.
     """
 
@@ -143,6 +145,7 @@ class Measured:
     points: Array | None = None
     axes: Array | None = None
     pushes: Array | None = None
+    split: Callable[[Array], Array] | None = None
 
 
 Group: TypeAlias = tuple[Callable[[Sequence[Any], State], "PointSource"], Hashable]
@@ -341,20 +344,24 @@ class FromRows:
         pushes = _pushes(structure)
         gap = np.where(pushes, error[structure.normals] if rows.error is not None else 0.0, ALWAYS)
         kept = np.repeat(~pushes, structure.widths)
-        points, axes = _places(rows, len(gap))
-        return Measured(structure, J, velocity, bias, gap, np.where(kept, error, 0.0), to_world, None, points, axes)
+        points, axes, split = _places(rows, len(gap))
+        return Measured(
+            structure, J, velocity, bias, gap, np.where(kept, error, 0.0), to_world, None, points, axes, split=split
+        )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:
         """The gaps of `at`."""
         return self.at(state, t).gap
 
 
-def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None]:
-    """(points (k, 3), axes (3, 3)) of a patch."""
+def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None, Callable[[Array], Array] | None]:
+    """(points (k, 3), axes (3, 3)) of a patch; of a bilateral one its corners, and what splits its forces among these."""
     if rows.patch is None:
-        return None, None
-    corners = rows.patch.corners if len(rows.patch.corners) == k else np.zeros((k, 3))
-    return rows.patch.point + corners @ rows.patch.axes.T, rows.patch.axes
+        return None, None, None
+    whole = len(rows.patch.corners) != k
+    split = partial(corner_split, rows) if whole and isinstance(rows.cone, Free) and rows.resultant is not None else None
+    corners = np.zeros((k, 3)) if whole and split is None else rows.patch.corners
+    return rows.patch.point + corners @ rows.patch.axes.T, rows.patch.axes, split
 
 
 @lru_cache(maxsize=512)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rbd.arrays import Array
 from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.model.checked_model import CheckedModel
@@ -67,13 +68,17 @@ class DrivenJoint(Displayed):
         """
         check_state(state, self.name)
         joint = state.robot.joints.with_one_freedom(self.joint, self.name)
-        s, rate, acceleration = self._at.at(state.t).tolist()
+        s, rate, acceleration = self.motion_at(state.t).tolist()
         J = np.zeros((1, state.robot.nv))
         J[0, joint.v] = 1.0
         missed = joint.coordinate(state.q) - s
         missed = math.remainder(missed, 2.0 * math.pi) if joint.is_continuous else missed
         velocity, error = J @ state.v - rate, np.array([missed])
         return Rows(self.name, J, np.array([-acceleration]), Free(1), velocity, error, period=joint.period)
+
+    def motion_at(self, t: float) -> Array:
+        """(s, s', s'') at a time [s], shape (3,)."""
+        return self._at.at(t)
 
     @property
     def prescribes(self) -> str:

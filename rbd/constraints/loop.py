@@ -47,7 +47,7 @@ _OPPOSITE = 1e-8
 _ACROSS = ("planar", "cylindrical", "prismatic")
 """Kinds whose rows leave displacements along the axis free."""
 _LINKS = ("rod", "rope")
-_SHORTEST = 1e-9
+SHORTEST = 1e-9
 """Distance [m] of the ends of a rod below which it has no direction."""
 
 
@@ -157,9 +157,23 @@ class LoopClosure(Displayed):
         return KINDS[self.kind]
 
     @property
+    def is_link(self) -> bool:
+        """Whether it is a rod or rope."""
+        return self.kind in _LINKS
+
+    @property
     def is_measured(self) -> bool:
         """Whether it is a rod or rope whose length is that of the pose at which it is anchored."""
-        return self.kind in _LINKS and self.length is None
+        return self.is_link and self.length is None
+
+    @property
+    def can_be_slack(self) -> bool:
+        """Whether it is a rope of known length, which has no row where it is slack."""
+        return self.kind == "rope" and self.length is not None
+
+    def slack_by(self, far: float) -> float:
+        """By how much it is longer than a distance of its ends [m]; without a length it is as long."""
+        return 0.0 if self.length is None else self.length - far
 
     @property
     def directions(self) -> Array:
@@ -209,11 +223,11 @@ class LoopClosure(Displayed):
             return self
         ends = self.link(state)
         length = 0.0 if ends is None else float(np.linalg.norm(ends[1] - ends[0]))
-        return replace(self, length=length if length > _SHORTEST else self._no_direction())
+        return replace(self, length=length if length > SHORTEST else self._no_direction())
 
     def link(self, state: State) -> Array | None:
         """Its ends in W, of a rod or rope, shape (2, 3) [m]; else None."""
-        return np.array([state.frame(x).X_WF.translation for x in self.frames]) if self.kind in _LINKS else None
+        return np.array([state.frame(x).X_WF.translation for x in self.frames]) if self.is_link else None
 
     def source(self, start: State) -> FromRows | None:
         """Of a rope its row also where it is slack; None: of others their rows."""
@@ -250,7 +264,7 @@ class LoopClosure(Displayed):
         # As frame_a sees it, in its axes, which turn: of the velocity x x v_a[3:] = - turning @ x, and Coriolis' term.
         linear = R_ab @ B[:3] - A[:3] + cross_matrix(x) @ A[3:]
         linear[:, -1] -= turning @ (turning @ x + 2.0 * linear[:, -2])
-        if self.kind in _LINKS:
+        if self.is_link:
             return self._link(linear, x, on_robot)
         if self.kind in _ACROSS:
             T = self._axes[:, :2]
@@ -274,12 +288,12 @@ class LoopClosure(Displayed):
         """The row of a rod or rope along d = x / |x|: |x|' = d . x', |x|'' = d . x'' + (|x'|^2 - |x|'^2) / |x|."""
         far, pulls = float(np.linalg.norm(x)), self.kind == "rope"
         error = None if self.length is None else np.array([far - self.length])
-        if pulls and error is not None and -error[0] > self.margin:
+        if pulls and self.slack_by(far) > self.margin:
             none = np.zeros(0)
             return Rows(
                 self.name, np.zeros((0, linear.shape[1] - 2)), none, NonNegative(0), none, none, resultant=np.zeros((3, 0))
             )
-        if far > _SHORTEST:
+        if far > SHORTEST:
             d, dx = x / far, linear[:, -2]
             row = d @ linear
             row[-1] += (dx @ dx - row[-2] ** 2) / far

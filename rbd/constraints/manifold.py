@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, blas, inertia_factor, lapack, lazy, max_abs, zeros
-from rbd.constraints.constraint import Constraint, anchored, is_carried, rows_of, with_loops
+from rbd.constraints.constraint import Constraint, anchored, is_carried, is_timed, rows_of, with_loops
 from rbd.constraints.descent import Residual, Space, descend
 from rbd.constraints.loop import LoopRows, rows_function
 from rbd.errors import InputError
@@ -158,11 +158,13 @@ class ConstraintManifold(Space[LinearisedRows]):
         state: Contacts without an anchor are anchored here, and rows are scaled about it; its velocity is not used.
         constraints: Bilateral constraints; None for the wheels of the robot's file.
         loops: Whether the robot's own loops hold; one that is given counts once.
+        driven: Whether some may follow motions of time: what J allows at the state's time is looked at.
         tolerance: Largest constraint violation [m, rad, over the rows' norms]; above `CLOSED` for files
             whose lengths are rounded, where singular values count as zero below ten times that.
 
     Attributes:
         constraints: Those that have rows.
+        driven: Names of those that follow motions of time.
         q: The configuration of the state.
         n: Number of velocities; their units `scale` are D.
         zero: Singular values count as zero at this fraction of the largest.
@@ -179,13 +181,14 @@ class ConstraintManifold(Space[LinearisedRows]):
         *,
         tolerance: float = CLOSED,
         loops: bool = True,
+        driven: bool = False,
     ) -> None:
         at_rest = checked(state).with_velocity(state.robot.zero_v)
         given = own_or(state.robot, constraints, loops)
         rows = rows_of(at_rest, given)
         kept = [anchored(c, r, at_rest) if is_bilateral(r) else c for c, r in zip(given, rows, strict=True) if len(r)]
         self._set(at_rest, kept, tolerance)
-        _check(self._start.rows)
+        _check(self._start.rows, self.driven if driven else ())
 
     longest = 0.5
 
@@ -216,6 +219,7 @@ class ConstraintManifold(Space[LinearisedRows]):
     ) -> None:
         super().__init__(state.robot)
         self.q, self.constraints, self._carried = state.q, tuple(constraints), carried
+        self.driven = tuple([c.name for c in self.constraints if is_timed(c)])
         self.tolerance, self.zero = tolerance, max(RANK, 10.0 * tolerance)
         self.cut = 1e-12 if tolerance <= CLOSED else self.zero
         self._state, self.n = state, state.robot.nv
@@ -364,7 +368,7 @@ def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
     return rows.holonomic & (np.abs(surface) <= 1e-12 * max(1.0, max_abs(surface)))
 
 
-def _check(rows: Sequence[Rows]) -> None:
+def _check(rows: Sequence[Rows], driven: Sequence[str]) -> None:
     check_different([r.name for r in rows], "constraints")
     for r in rows:
         if not is_bilateral(r):
@@ -372,5 +376,5 @@ def _check(rows: Sequence[Rows]) -> None:
                 f"{r.name!r:.80} can break or slip (its forces are in a {type(r.cone).__name__}); mobility is that of "
                 "bilateral constraints. Leave it out, or give it friction=None."
             )
-        if max_abs(r.velocity) > 1e-12:
-            raise InputError(f"{r.name!r:.80} has prescribed motion; mobility wants constraints at rest.")
+        if r.name not in driven and max_abs(r.velocity) > 1e-12:
+            raise InputError(f"{r.name!r:.80} has prescribed motion; expected constraints at rest. Leave it out.")

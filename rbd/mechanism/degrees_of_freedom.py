@@ -97,6 +97,9 @@ class Mobility(Displayed):
         velocity_only: Whether some rows constrain only velocity; `finite` then refers to velocities, and
             `rbd.mechanism.integrability` gives the dimension of the reachable configurations.
         seed: Of the directions that were tried.
+        driven: Constraints that follow a motion of time. J is that of a lock: each of their rows takes a degree of freedom,
+            whatever the motion is.
+        t: The time at which these were looked at [s].
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -118,6 +121,8 @@ class Mobility(Displayed):
     self_stresses: Array
     velocity_only: bool
     seed: int
+    driven: tuple[str, ...] = ()
+    t: float = 0.0
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("counted", (), "1", "degrees of freedom that Gruebler and Kutzbach count", lambda found: found.count.value),
@@ -125,6 +130,7 @@ class Mobility(Displayed):
         Field("finite", (), "1", "degrees of freedom of finite motions"),
         Field("rank", (), "1", "rank of J"),
         Field("singular", (), "", "whether the rank of J is lower here than nearby"),
+        Field("driven", (), "", "constraints that follow a motion of time", lambda found: list(found.driven)),
         Field("verdict", (), "", "the conclusion, in words", default=False),
     )
 
@@ -169,6 +175,8 @@ class Mobility(Displayed):
         if self.velocity_only:
             return f"{self.finite} degrees of freedom of velocity; some rows constrain velocity alone (see integrability)"
         if not self.instantaneous:
+            if self.driven:
+                return f"it moves as {self._drives} it, and in no other way"
             return "a structure: J allows no velocity"
         if not self.moves:
             return f"an infinitesimally mobile structure: {_dof(self.instantaneous)} of velocity, none of finite motion"
@@ -180,6 +188,10 @@ class Mobility(Displayed):
             return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {dof}"
         return f"it moves with {_dof(self.finite)}; other velocities that J allows extend to no finite motion"
 
+    @property
+    def _drives(self) -> str:
+        return f"{', '.join(map(repr, self.driven))} drive{'s' * (len(self.driven) == 1)}"
+
     def __str__(self) -> str:
         s, looked = self.singular_values, self.motion
         how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} extended; seed {self.seed}"
@@ -188,6 +200,8 @@ class Mobility(Displayed):
         lines = [self.verdict[0].upper() + self.verdict[1:] + "."]
         if self.over_constrained:
             lines.append(f"It is over-constrained: it moves although the count gives {self.count.value}.")
+        if self.driven:
+            lines.append(f"{self._drives} it: taken at t = {self.t:g} s, where these rows count as locks.")
         lines += [
             f"counted        {self.count.value:>3}   {self.count.formula}",
             f"instantaneous  {self.instantaneous:>3}   n - rank J = {self.velocities} - {self.rank}, of {self.rows} rows; "
@@ -228,6 +242,9 @@ def mobility(
     theorem is sufficient. It is numerical, not a proof: shorter motions are not detected, nor those that leave so
     slowly that steps of this length break the constraints by less than the tolerance. Joint limits are ignored.
 
+    What follows a motion of time (`rbd.DrivenJoint`, a velocity constraint with b(t), moving ground) is taken at the time of
+    the state: its rows take as many degrees of freedom as those of a lock.
+
     Args:
         state: A robot at a configuration that satisfies the constraints; its velocity is not used.
         constraints: Bilateral constraints; None for the loops and wheels of its file.
@@ -249,15 +266,16 @@ def mobility(
         2 1 True
     """
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
-    held = ConstraintManifold(state, constraints, tolerance=tolerance, loops=loops)
+    held = ConstraintManifold(state, constraints, tolerance=tolerance, loops=loops, driven=True)
     at = held.check_assembled()
     N, s = null_space(at.A, held.zero)
     rank = held.n - N.shape[1]
     redundant, stresses = _redundant(held, at.A, rank)
     found = finite_motion(held, at, seed)
     return Mobility(
-        count(held, state, seed), held.n, held.m, rank, s, held.zero, found, redundant, stresses, not held.placed.all(), seed
-    )
+        count(held, state, seed), held.n, held.m, rank, s, held.zero, found, redundant, stresses, not held.placed.all(), seed,
+        held.driven, state.t,
+    )  # fmt: skip
 
 
 def _redundant(held: ConstraintManifold, J: Array, rank: int) -> tuple[tuple[RedundantRow, ...], Array]:

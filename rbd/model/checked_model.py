@@ -282,6 +282,10 @@ class CheckedModel(Displayed):
         """Wheels on the ground; none of a bare model, see `rbd.Robot.wheels`."""
         return ()
 
+    def drives(self) -> tuple[Any, ...]:
+        """Driven joints; none of a bare model, see `rbd.Robot.drives`."""
+        return ()
+
     @property
     def motor_coordinates(self) -> tuple[Coordinate, ...]:
         """A name and a unit for each entry of tau; `rbd.model.joints.FORCE_OF[unit]` is the force's."""

@@ -94,7 +94,7 @@ class ModelReport(Displayed):
         robot: Its name.
         errors: Issues that make answers wrong; `load_robot` refuses such a robot.
         warnings: What a user should know.
-        notes: Loop closures and wheels, for information.
+        notes: Loop closures, wheels and drives, for information.
 
     Example:
         >>> report = rbd.doctor(rbd.load_robot("talos"))
@@ -354,6 +354,8 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
         yield ModelIssue("loop", loop.name, text), fine
     for wheel in robot.wheels():
         yield ModelIssue("wheel", wheel.name, f"{type(wheel).__name__} on the ground, at {wheel.frame!r:.80}"), True
+    for drive in robot.drives():
+        yield ModelIssue("drive", drive.name, f"joint {drive.joint!r:.80} follows a motion of time where it is given"), True
 
 
 def _gap(loop: Any, state: State) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""Files in YAML beside a robot's: loops, couplings, wheels and postures of a mechanism; motors.
+"""Files in YAML beside a robot's: loops, couplings, drives, wheels and postures of a mechanism; motors.
 
 A URDF is a tree. `four_bar.loops.yaml` next to `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
 left out:
@@ -15,9 +15,14 @@ left out:
       - {name: cross, kind: universal, frame_a: input, frame_b: output, axis: [1, 0, 0], axis_b: [0, 1, 0]}
     couplings:                          # q_joint = ratio q_to + offset, see rbd.JointCoupling
       - {name: gear, joint: left_joint, to: right_joint, ratio: -1, offset: 0}
+    drives:                             # joints that follow a motion of time, see rbd.DrivenJoint: q = start + rate t,
+      - {name: motor, joint: crank_joint, rate: 30, start: 0.7}
+      - {name: cam, joint: lift, kind: spline, times: [0, 1, 2, 3], values: [0, 0.1, 0.1, 0], periodic: true}    # or a spline
     wheels:                             # on the ground z = 0; kind: rolling_wheel, rolling_disk (both with axis in frame),
       - {name: rear, kind: rolling_wheel, frame: rear_wheel, radius: 0.3, axis: [0, 1, 0]}    # rolling_ball or knife_edge
       - {name: skate, kind: knife_edge, frame: blade, direction: [1, 0, 0]}
+      - {name: egg, kind: rolling_body, frame: egg, shape: [0.1, 0.05, 0.05]}    # semi-axes; radius: by which it is grown
+      - {name: marble, kind: rolling_on_round, frame: ball, radius: 0.05, surface_radius: -0.5, on: [0, 0, 0.5]}    # a bowl
     postures:                           # joint: angle [rad] or displacement [m], or a list: the joint's part of q
       assembled: {crank_joint: 0.7, coupler_joint: -0.4}
 
@@ -25,6 +30,9 @@ A user's kind is read under `loops` or `wheels` by the name given to `rbd.regist
 are its parameters, their values numbers, strings, truth values or lists of numbers:
 
       - {name: strut, kind: air_spring, frame_a: coupler_tip, frame_b: rocker_tip, length: 0.3}
+
+What rolls takes `on`: a height [m], a point [x, y, z] of level ground, or a frame of the robot. Of `rolling_on_round` it is the
+centre, or a point of the `axis` of a cylinder.
 
 Values follow YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
 robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB are refused by name.
@@ -43,10 +51,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rbd.constraints.constraint import Constraint, made
+from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.joint import JointCoupling
 from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
-from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.rolling import RollingBall, RollingBody, RollingDisk, RollingOnRound, RollingWheel
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
 from rbd.errors.inputs import check_choice, check_different, check_kind
@@ -54,6 +63,8 @@ from rbd.model.input_files import file_bytes, is_file
 from rbd.model.motors import Motor
 from rbd.model.urdf import LONGEST_NAME
 from rbd.model.world import PLANES, Plane, checked_plane
+from rbd.problem.ground import Body, Ground
+from rbd.problem.motions import Speed
 from rbd.robots.number_checks import (
     Check,
     Triple,
@@ -63,6 +74,7 @@ from rbd.robots.number_checks import (
     checked_name,
     checked_names,
     checked_number,
+    checked_numbers,
     checked_plain,
     checked_triple,
     checked_values,
@@ -103,6 +115,7 @@ class LoopFile(Displayed):
         frames: To be added to the robot.
         loops: Closures, then couplings, as constraints.
         wheels: What rolls or slides on the ground, as constraints.
+        drives: Driven joints.
         postures: {name: {joint: numbers}}.
         text: What was read.
 
@@ -120,6 +133,7 @@ class LoopFile(Displayed):
     frames: tuple[NamedFrame, ...] = ()
     loops: tuple[Constraint, ...] = ()
     wheels: tuple[Constraint, ...] = ()
+    drives: tuple[DrivenJoint, ...] = ()
     postures: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
     text: str = field(default="", repr=False, compare=False)
 
@@ -162,13 +176,74 @@ _NEEDED = ("frame_a", "frame_b")
 _LENGTH: dict[str, Check] = {"length": checked_number}
 _MORE: dict[str, dict[str, Check]] = {"universal": {"axis_b": checked_axis}, "rod": _LENGTH, "rope": _LENGTH}
 _JOINTS: dict[str, Check] = {"joint": checked_name, "to": checked_name, "ratio": checked_number, "offset": checked_number}
+
+
+def _surface(what: str, value: object) -> str | float | tuple[float, ...]:
+    """A frame, a height or a point."""
+    given = checked_plain(what, value)
+    if isinstance(given, bool) or isinstance(given, tuple) and len(given) != 3:
+        raise InputError(f"{what} is {value!r:.80}; expected a height [m], a point [x, y, z] of the ground, or a frame's name.")
+    return given
+
+
+def _rolling(kind: Callable[..., Constraint], /, *, on: str | float | tuple[float, ...] = 0.0, **keys: Any) -> Constraint:
+    """What rolls, on what a file names."""
+    if isinstance(on, str):
+        return kind(**keys, on=Body(on))
+    return kind(**keys, on=Ground(point=on) if isinstance(on, tuple) else on)
+
+
+def _at_speed(name: str, joint: str, rate: float, start: float = 0.0) -> DrivenJoint:
+    return DrivenJoint(name, joint, Speed(rate, start=start))
+
+
+def _along_spline(
+    name: str, joint: str, times: tuple[float, ...], values: tuple[float, ...], periodic: bool = False
+) -> DrivenJoint:
+    """A joint along the cubic spline through values at times."""
+    from scipy.interpolate import CubicSpline
+
+    what = f"drive {name!r:.80}"
+    if len(times) != len(values):
+        raise InputError(f"{what} has {len(times)} times and {len(values)} values; expected a value for each time.")
+    if not all(b > a for a, b in zip(times, times[1:], strict=False)):
+        raise InputError(f"{what} has times that do not increase; expected each after the one before [s].")
+    if periodic and values[0] != values[-1]:
+        raise InputError(f"{what} repeats, from {values[0]:g} to {values[-1]:g}; expected its last value to be its first.")
+    return DrivenJoint(name, joint, CubicSpline(times, values, bc_type="periodic" if periodic else "not-a-knot"))
+
+
+def _truth(what: str, value: object) -> bool:
+    check_kind(what, value, bool, "true or false")
+    return bool(value)
+
+
+_MOST_POINTS = 10_000
+_POINTS: Check = partial(checked_numbers, counts=range(4, _MOST_POINTS + 1))
+_DRIVE: dict[str, Check] = {"joint": checked_name}
+_SPEED = _DRIVE | {"rate": checked_number, "start": checked_number}
+_SPLINE = _DRIVE | {"times": _POINTS, "values": _POINTS, "periodic": _truth}
+_ON: dict[str, Check] = {"on": _surface}
 _ROLLS: dict[str, Check] = {"frame": checked_name, "radius": checked_number}
+_TURNS = _ROLLS | {"axis": checked_axis}
+_NEEDS = ("frame", "radius")
 KINDS: dict[str, FileForm] = {
     **{word: FileForm("loops", partial(LoopClosure, kind=word), _ENDS | _MORE.get(word, {}), _NEEDED) for word in CLOSURES},
     "coupling": FileForm("couplings", JointCoupling, _JOINTS, ("joint", "to", "ratio")),
-    "rolling_wheel": FileForm("wheels", RollingWheel, _ROLLS | {"axis": checked_axis}, ("frame", "radius")),
-    "rolling_disk": FileForm("wheels", RollingDisk, _ROLLS | {"axis": checked_axis}, ("frame", "radius")),
-    "rolling_ball": FileForm("wheels", RollingBall, _ROLLS, ("frame", "radius")),
+    "speed": FileForm("drives", _at_speed, _SPEED, ("joint", "rate")),
+    "spline": FileForm("drives", _along_spline, _SPLINE, ("joint", "times", "values")),
+    "rolling_wheel": FileForm("wheels", partial(_rolling, RollingWheel), _TURNS | _ON, _NEEDS),
+    "rolling_disk": FileForm("wheels", partial(_rolling, RollingDisk), _TURNS | _ON, _NEEDS),
+    "rolling_ball": FileForm("wheels", partial(_rolling, RollingBall), _ROLLS | _ON, _NEEDS),
+    "rolling_body": FileForm(
+        "wheels", partial(_rolling, RollingBody), _ROLLS | {"shape": checked_triple} | _ON, ("frame", "shape")
+    ),
+    "rolling_on_round": FileForm(
+        "wheels",
+        partial(_rolling, RollingOnRound),
+        _TURNS | {"surface_radius": checked_number} | _ON,
+        (*_NEEDS, "surface_radius"),
+    ),  # fmt: skip
     "knife_edge": FileForm("wheels", KnifeEdge, {"frame": checked_name, "direction": checked_axis}, ("frame",)),
 }
 """The kinds of constraints of loop files, by name."""
@@ -221,16 +296,17 @@ def constraint_entry(part: str, what: str, value: object) -> dict[str, Any]:
     """An entry of one of a file's lists of constraints, checked by its kind.
 
     Args:
-        part: "loops", "couplings" or "wheels".
+        part: "loops", "couplings", "drives" or "wheels".
         what: What the entry is, for messages.
-        value: The entry: a name, the word of its kind (couplings have none), and the keys of that kind.
+        value: The entry: a name, the word of its kind (couplings and drives of constant speed need none), and the keys of it.
 
     Raises:
         InputError: an unknown kind or key, with the nearest one; a key that is missing; a value that is none of its kind.
     """
     first = dict[str, Check](name=checked_name, kind=checked_name)
-    words = [word for word, form in KINDS.items() if form.part == part or not form.part and part != "couplings"]
-    alone = {"kind": words[0]} if part == "couplings" else {}
+    own = part in ("couplings", "drives")
+    words = [word for word, form in KINDS.items() if form.part == part or not form.part and not own]
+    alone = {"kind": words[0]} if own else {}
     entry = {**alone, **checked_mapping(what, value)}
     word = check_choice(f"kind of {what}", entry.get("kind"), words)
     return checked_entry(what, entry, {**first, **KINDS[word].keys}, (*first, *KINDS[word].needed))
@@ -246,7 +322,7 @@ def read_loop_file(path: Path) -> LoopFile:
 
 
 def _contents(file: str, data: bytes) -> LoopFile:
-    lists = {part: partial(_constraints, file, part) for part in ("loops", "couplings", "wheels")}
+    lists = {part: partial(_constraints, file, part) for part in ("loops", "couplings", "drives", "wheels")}
     checks: dict[str, Check] = {"root": partial(check_choice, known=ROOTS), "plane": partial(check_choice, known=PLANES)}
     checks |= {"passive": checked_names, "order": checked_names, "frames": _frames, **lists, "postures": _postures}
     with in_file(file):
@@ -254,8 +330,11 @@ def _contents(file: str, data: bytes) -> LoopFile:
         if "plane" in top:
             checked_plane(top["plane"], str(top.get("root")))
         top["loops"] = (*top.get("loops", ()), *top.pop("couplings", ()))
-        check_different([constraint.name for constraint in (*top["loops"], *top.get("wheels", ()))], "constraints")
+        check_different([c.name for c in (*top["loops"], *top.get("drives", ()), *top.get("wheels", ()))], "constraints")
     return LoopFile(file, **top, text=data.decode())
+
+
+_OF = {"wheels": "wheel", "drives": "drive"}
 
 
 def _constraints(file: str, part: str, what: str, value: Any) -> tuple[Constraint, ...]:
@@ -265,7 +344,7 @@ def _constraints(file: str, part: str, what: str, value: Any) -> tuple[Constrain
         name = each.get("name") if isinstance(each, dict) else None
         entry = constraint_entry(part, f"{what}[{i}]" + (f" ({name!r:.80})" if isinstance(name, str) else ""), each)
         form = KINDS[entry.pop("kind")]
-        with in_file(f"{file}: {'wheel' if part == 'wheels' else 'loop'} {name!r:.80}"):
+        with in_file(f"{file}: {_OF.get(part, 'loop')} {name!r:.80}"):
             out.append(made(form.make(**entry)))
     return tuple(out)
 

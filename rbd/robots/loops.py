@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, check_on, member
+from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.joint import JointCoupling, JointLock
 from rbd.constraints.loop import LoopClosure
 from rbd.errors import ModelError, nearest
@@ -23,6 +25,7 @@ from rbd.robots.loop_file import LoopFile, NamedFrame, beside, read_loop_file
 from rbd.robots.number_checks import in_file
 from rbd.robots.posture import configuration, semantic_postures
 
+Kind = TypeVar("Kind", bound=Constraint)
 _MARKED = (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.OP_FRAME)
 
 
@@ -66,7 +69,15 @@ class Mechanism:
         """
         return self._checked("wheel", robot, self.file.wheels)
 
-    def _checked(self, what: str, robot: CheckedModel, constraints: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
+    def drives(self, robot: CheckedModel) -> tuple[DrivenJoint, ...]:
+        """Drives of this robot's joints.
+
+        Raises:
+            ModelError: an unknown joint, with the nearest names, or one with several degrees of freedom.
+        """
+        return self._checked("drive", robot, self.file.drives)
+
+    def _checked(self, what: str, robot: CheckedModel, constraints: tuple[Kind, ...]) -> tuple[Kind, ...]:
         for constraint in constraints:
             with in_file(f"{self.file_name}: {what} {constraint.name!r:.80}"):
                 check_on(constraint, robot)
@@ -108,7 +119,7 @@ def mechanism(model: pin.Model, name: str, file: LoopFile, equalities: Iterable[
             if joint not in joints:
                 raise ModelError(f"{file_name}: {what} names a joint {joint!r:.80}; {nearest(joint, joints)}.")
     read = tuple(_read(model, name, equality) for equality in equalities)
-    own = {constraint.name for constraint in (*file.loops, *file.wheels)}
+    own = {constraint.name for constraint in (*file.loops, *file.wheels, *file.drives)}
     if twice := [entry.name for entry in read if entry.name in own]:
         raise ModelError(f"{file_name}: {twice[0]!r:.80} is the name of an equality of {name} too; give it another one.")
     return Mechanism(file, read, file_name)

@@ -247,11 +247,11 @@ def merge_robots(
         both = {prefixes[0] + n for n in one if n != "universe"} & {prefixes[1] + n for n in other if n != "universe"}
         if both:
             raise InputError(f"both would have a {what} {min(both)!r:.80}; give names= that distinguish them, as ('a_', 'b_').")
-    left = [c.name for robot in (first, second) for c in (*robot.loops(), *robot.wheels())]
+    left = [c.name for robot in (first, second) for c in (*robot.loops(), *robot.wheels(), *robot.drives())]
     if left:
         warnings.warn(
-            f"the pair has no loops or wheels of its own: {', '.join(map(repr, left))[:80]} name frames without prefixes. Make "
-            "them again with the pair's frames.",
+            f"the pair has no loops, wheels or drives of its own: {', '.join(map(repr, left))[:80]} name frames or joints "
+            "without prefixes. Make them again with the pair's names.",
             ModelWarning,
             stacklevel=2,
         )

@@ -15,6 +15,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float, locked
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, joint_frictions, joint_limits, mimics
 from rbd.constraints.surface import On
@@ -85,6 +86,7 @@ class Robot(ShapedRobot):
         self.mechanism = mechanism
         self._loops: tuple[Constraint, ...] = mechanism.loops(self, found)
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
+        self._drives: tuple[DrivenJoint, ...] = mechanism.drives(self)
 
     springs: Mapping[str, tuple[float, float]] = MappingProxyType({})
     """Springs of an MJCF's joints: {joint: (stiffness, coordinate at rest)}; `joint_springs` makes them force elements."""
@@ -259,6 +261,10 @@ class Robot(ShapedRobot):
     def wheels(self) -> tuple[Constraint, ...]:
         """Its wheels, balls and knife edges on the ground, from the loop file; they act only where given as constraints."""
         return self._wheels
+
+    def drives(self) -> tuple[DrivenJoint, ...]:
+        """Its driven joints, from the loop file; they act only where given as constraints: `[*robot.drives()]`."""
+        return self._drives
 
     def joint_limits(self, *, margin: float = 1e-6) -> list[JointLimit]:
         """The limits of its joints, as `rbd.constraints.joint_limits`."""

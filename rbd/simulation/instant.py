@@ -217,8 +217,10 @@ def touches_of(now: Instant, constraints: Sequence[Constraint], sources: Sequenc
         gaps, touches, force = at.gap[points].copy(), touching[points].copy(), now.force[rows]
         for owner, mine, row in points_and_rows(measured.structure):
             pushed = point_forces(measured, force[None, row], mine)
-            carried = np.zeros((mine.stop - mine.start, 3)) if pushed is None else pushed[0]
-            out[owner] = ContactTouch(gaps[mine], touches[mine], carried, _labels(source, measured.structure, mine))
+            n = mine.stop - mine.start
+            carried = np.zeros((n, 3)) if pushed is None else pushed[0]
+            gap, on = (np.repeat(x[mine], len(carried) // n) for x in (gaps, touches))  # of a bilateral patch all touch alike
+            out[owner] = ContactTouch(gap, on, carried, _labels(source, measured.structure, mine))
     return {c.name: out[c.name] for c in constraints if c.name in out}
 
 

@@ -307,7 +307,7 @@ def _add_forces(out: Forces, name: str, measured: PointPlaces, force: Array, spe
         mode = np.where((loaded & (speed > SLIDES)).any(axis=1), SLIPS, np.where(loaded.any(axis=1), kind, OPEN))
     resultant = each_times(measured.to_world, force) if measured.to_world is not None and whole else force
     if measured.points is not None and measured.axes is not None:
-        points, pushed = measured.points[:, at], point_forces(measured, force, at)
+        points, pushed = measured.points if measured.split else measured.points[:, at], point_forces(measured, force, at)
         if pushed is not None and measured.to_world is None and not bilateral:
             resultant = pushed.sum(axis=1)
             if measured.arms is not None:
@@ -327,6 +327,8 @@ def point_forces(measured: PointPlaces, force: Array, at: slice) -> Array | None
     """
     cones, axes = measured.structure.cones[at], measured.axes
     assert axes is not None
+    if measured.split is not None:
+        return np.array([measured.split(f) for f in force])
     if isinstance(cones[0], Free):  # one point, of a bilateral constraint
         return each_times(axes, force[:, None, :3]) if len(cones) == 1 and force.shape[1] >= 3 else None
     n, k, width = len(force), len(cones), cones[0].dim

@@ -120,7 +120,7 @@ class PointLayout:
 class PointPlaces:
     """Where the points of a source are at n states, and what their forces come to: attributes as of `Measured`, stacked.
 
-    `axes` have shape (n, k, 3, 3); n and k are 1 where they are the same for all. `pushes` are of all states.
+    `axes` have shape (n, k, 3, 3); n and k are 1 where they are the same for all. `pushes` and `split` are of all states.
     """
 
     structure: Structure
@@ -129,6 +129,7 @@ class PointPlaces:
     arms: Array | None
     to_world: Array | None
     pushes: Array | None = None
+    split: Callable[[Array], Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +225,7 @@ def places_of(snapshots: Sequence[Snapshot]) -> Sequence[PointPlaces]:
     for m in first.sources:
         points, arms, to_world = (None if x is None else x[None] for x in (m.points, m.arms, m.to_world))
         axes = None if m.axes is None else m.axes.reshape(1, -1, 3, 3)
-        out.append(PointPlaces(m.structure, points, axes, arms, to_world, m.pushes))
+        out.append(PointPlaces(m.structure, points, axes, arms, to_world, m.pushes, m.split))
     return out
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from rbd.answers.prepared.constraint_dynamics import spread_out
+from rbd.answers.prepared.constraint_columns import spread_out
 from rbd.problem.cones import Bounds, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
 from rbd.solvers.law_kernel import forces

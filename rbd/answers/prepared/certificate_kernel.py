@@ -17,6 +17,7 @@ from rbd.answers.prepared.law_kernel import (
     EDGE,
     EDGE_MOMENT,
     ELEMENT_TYPES,
+    LINK,
     LOOP_MOMENT,
     OPENS,
     RESTS,
@@ -28,7 +29,7 @@ from rbd.answers.prepared.law_kernel import (
     Elements,
     decide,
 )
-from rbd.answers.prepared.row_kernel import loop_turn
+from rbd.answers.prepared.row_kernel import along_link, loop_turn
 from rbd.arrays import Array
 from rbd.kernels import FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss
@@ -94,6 +95,17 @@ def _of_loop(columns: Columns, j: int, given: Array, X: Array, w: Array, m: Arra
 
 
 @compiled
+def _of_link(columns: Columns, j: int, given: Array, X: Array, F: Array) -> float:
+    """Write the force of a rod or rope, in its joint's axes; its length."""
+    k, r, p, d = columns.body[j, 0], columns.arm[j], np.empty(3), np.empty(3)
+    for a in range(3):
+        p[a] = X[k, 9 + a] + X[k, a] * r[0] + X[k, 3 + a] * r[1] + X[k, 6 + a] * r[2]
+    far = along_link(columns.along[j], X[columns.body[j, 2]], p, d)
+    F[0], F[1], F[2] = _to_body(X[k], given[22] * d[0], given[22] * d[1], given[22] * d[2])
+    return far
+
+
+@compiled
 def _turned(columns: Columns, j: int, motions: Array, X: Array) -> tuple[float, float, float, float, float, float]:
     """F and m, in its joint's axes, of a column that is not given in these."""
     F, n, axes = columns.force[j], columns.moment[j], columns.body[j, 1]
@@ -104,6 +116,10 @@ def _turned(columns: Columns, j: int, motions: Array, X: Array) -> tuple[float, 
         m = np.zeros(3)
         _of_loop(columns, j, motions[columns.body[j, 3]], X, m, m)
         return 0.0, 0.0, 0.0, m[0], m[1], m[2]
+    if axes == LINK:
+        m = np.zeros(3)
+        _of_link(columns, j, motions[columns.body[j, 3]], X, m)
+        return m[0], m[1], m[2], 0.0, 0.0, 0.0
     x = columns.along[j]  # an edge: from the normal in the joint's axes
     n0, n1, n2 = _seen(columns, j, X, n[0], n[1], n[2])
     s = n0 * x[0] + n1 * x[1] + n2 * x[2]
@@ -349,6 +365,12 @@ def _moves_turned(
             W[0], W[1], W[2] = w0, w1, w2
             extra, gap = _of_loop(columns, j, motions[columns.body[j, 3]], X, W, moment_of_loop)
             y[j], open_by = y[j] + extra, max(open_by, gap)
+        elif axes == LINK:  # its direction turns
+            given = motions[columns.body[j, 3]]
+            far = _of_link(columns, j, given, X, moment_of_loop)
+            y[j] += given[22] * (s0 * s0 + s1 * s1 + s2 * s2 - u[j] * u[j]) / far
+            if not math.isnan(given[21]):
+                open_by = max(open_by, abs(far - given[21]))
         elif columns.body[j, 4]:
             gap = 0.0
             for c in range(3):

@@ -7,14 +7,18 @@ each body in contact: three at a single point, five of points on a line, else si
     forces      all that rest: of least norm, if these are in their sets; else Newton's method on those rows
     certificate `pin.rnea` at (q, v, a) with the forces of the columns on their bodies, from arrays of its own
 
+Of joints that are driven, with accelerations e at a time, all of this is done for a - e: J_dot v and h are those of the motion
+with the accelerations e, from `pin.rnea`, and the rows of the drives hold as those of locks.
+
 M, J and J_dot v, and the factors that found the answer, take no part in the certificate. What is not covered gets None, and is
-solved the general way: wheels, feedback, constraints of a user's own.
+solved the general way: what rolls, terrain, feedback, constraints of a user's own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from itertools import accumulate
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -22,11 +26,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.answers.analysis.force_choice import MINIMUM_NORM, UNIQUE
-from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source, law_kernel, site_of, source_of
+from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source, elements_of, law_kernel, site_of, source_of
 from rbd.answers.prepared.contact_bodies import (
     MOST,
     OF_BASE,
     OF_BASE_TWO,
+    OF_LINK,
     WORLD,
     JointEntry,
     Site,
@@ -36,21 +41,21 @@ from rbd.answers.prepared.contact_bodies import (
     plane_gaps,
     value_of,
 )
-from rbd.arrays import Array, max_abs, rank_of
+from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import OPEN
 from rbd.constraints.joint import JointLimit
+from rbd.constraints.loop import LoopClosure
+from rbd.constraints.surface import motion_of
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import Opening
-from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.force_set import at_rest
 
 METHODS = ("closed form", "cones: Newton")
 """Of constraints that are held or stick, and of those that slip or open."""
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
-_ALL = 12
-"""Up to this number of points, all are taken into account from the start."""
 
 
 class FoundForces(NamedTuple):
@@ -132,6 +137,10 @@ class Plan(Workspaces):
         self._per_inertia, self._fall = 1.0 / robot.least_inertia, np.array(robot.model.gravity.linear)
         self._place([column for source in sources for column in source.columns])
         self._stand()
+        columns = list(accumulate((len(source.columns) for source in sources), initial=0))
+        self._drives = [
+            (j, self._robot.joints[s.drive.joint].v.start, s.drive) for j, s in zip(columns, sources, strict=False) if s.drive
+        ]
         super().__init__(robot.model, self._sites, self._units)
 
     @classmethod
@@ -144,15 +153,18 @@ class Plan(Workspaces):
         bodies = dict[tuple[object, ...], list[tuple[int, Column]]]()
         for j, column in enumerate(found):
             if isinstance(column, Column):
-                bodies.setdefault((column.joint, column.base, column.motion, column.closes), []).append((j, column))
+                bodies.setdefault((column.joint, column.base, column.motion, column.closes, column.ground), []).append(
+                    (j, column)
+                )
         p, self._sites, self._units, m = len(found), list[Site](), list[JointEntry](), 0
+        self._grounds = [(k, c[0][1].ground) for k, c in enumerate(bodies.values()) if c[0][1].ground is not None]
         place, own = (
             self._kernel.Columns(*(np.zeros((p, 3)) for _ in range(4)), np.zeros((p, 5), np.int64)) for _ in ("place", "own")
         )
         kernel, motions = self._kernel, list[tuple[float, ...]]()
         for members in bodies.values():
             site = site_of([c for _, c in members])
-            R, by_rows = site.X_JC.rotation, site.axes in (OF_BASE, OF_BASE_TWO)
+            R, by_rows = site.X_JC.rotation, site.axes in (OF_BASE, OF_BASE_TWO, OF_LINK)
             for i, (j, c) in enumerate(members):
                 turned = R.T @ c.force if c.axes == kernel.BODY else c.force
                 moment = c.moment if c.axes >= kernel.EDGE else R.T @ c.moment
@@ -181,7 +193,7 @@ class Plan(Workspaces):
         self._m, self._columns = m, place
         at, gears = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
         self.own = *own, at, gears, np.reshape(motions, (-1, 45))
-        self.elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
+        self.elements, self._closed = elements_of(self._kernel.Elements, self.force_set, place, m)
         self.repeated = len(self.force_set.G) > m
 
     def _stand(self) -> None:
@@ -210,6 +222,7 @@ class Plan(Workspaces):
         rest_speed: float,
         within: float,
         mu: Array | None = None,
+        t: float = 0.0,
     ) -> FoundForces | None:
         """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
 
@@ -222,17 +235,25 @@ class Plan(Workspaces):
             rest_speed: Up to this speed a contact is at rest [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
             mu: Friction of the cones; None: the constraints' own.
+            t: Time, for drives [s].
         """
+        driven, rates = self._driven(t) if self._drives else (None, ())
+        own = self._own_at(t) if self._grounds else self.own
         loads, elements = self.loads(pushes), self.elements if mu is None else self.elements._replace(mu=self.friction(mu))
         space, misses = self.taken(), np.empty(5)
+        for k, _ in self._grounds:
+            space.sites[k, 12:24] = own[-1][k, :12]
         try:
-            found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads)
+            found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads, driven=driven)
             if found is None:
                 return None
-            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses)
+            for j, rate in rates:
+                found.u[j] -= rate
+            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses, own, driven)
             if not misses[4] <= OPEN:
                 return None
-            if len(self._heights) and not max_abs(self._gaps.dot(space.places[self.corner_entries]) - self._heights) <= within:
+            gaps = self._gaps.dot(space.places[self.corner_entries]) - (self._heights_at(t) if self._grounds else self._heights)
+            if len(gaps) and not max_abs(gaps) <= within:
                 return None
         finally:
             self.put_back(space)
@@ -249,6 +270,30 @@ class Plan(Workspaces):
         return FoundForces(
             found.a, forces, None if self.bilateral else w, METHODS[found.how], found.steps, worst, moving, openings, choice
         )  # fmt: skip
+
+    def _own_at(self, t: float) -> tuple[Array, ...]:
+        """`own` at a time, with the motions of ground that follows one."""
+        motions = self.own[-1].copy()
+        for k, ground in self._grounds:
+            motions[k, :12] = np.concatenate(motion_of(ground.at(t)))
+        return *self.own[:-1], motions
+
+    def _heights_at(self, t: float) -> Array:
+        """Heights of the planes at a time."""
+        on = [c.plane for source in self.sources for c in source.contacts if c.plane is not None for _ in c.corners]
+        return np.array([ground.at(t).height for ground in on])
+
+    def _driven(self, t: float) -> tuple[Array, list[tuple[int, float]]]:
+        """Accelerations e at a time, shape (nv,), and (column, speed) of the drives.
+
+        Raises:
+            InputError: of their motions.
+        """
+        e, rates = np.zeros(self._robot.nv), []
+        for j, dof, drive in self._drives:
+            _, rate, e[dof] = drive.motion_at(t).tolist()
+            rates.append((j, rate))
+        return e, rates
 
     def friction(self, mu: Array) -> Array:
         """Friction of the elements, shape (..., e), with that of the cones replaced, shape (..., cones)."""
@@ -273,7 +318,7 @@ class Plan(Workspaces):
 
     def search(
         self, space: Workspace, q: Array, v: Array, generalised: Array, rest_speed: float, coulomb: bool, elements: Any,
-        loads: Loads, into: Sequence[Array] = (),
+        loads: Loads, into: Sequence[Array] = (), driven: Array | None = None,
     ) -> Found | None:  # fmt: skip
         """What obeys the law at one state, not yet certified; None where nothing is known.
 
@@ -287,6 +332,7 @@ class Plan(Workspaces):
             elements: As `elements`, with the friction at this state.
             loads: Of `loads`.
             into: Arrays for a, w, u and modes; else new ones.
+            driven: Accelerations e of driven joints, shape (nv,).
         """
         model, data, kernel = self._robot.model, space.data, self._kernel
         p = 0 if into else self.force_set.size
@@ -295,16 +341,21 @@ class Plan(Workspaces):
             a[:] = pin.aba(model, data, q, v, generalised)
             return Found(a, w, u, modes, kernel.HELD, 0, False)
         pin.crba(model, data, q, WORLD)
-        pin.nonLinearEffects(model, data, q, v)
+        if driven is None:
+            pin.nonLinearEffects(model, data, q, v)
+        else:
+            space.read[2][:] = pin.rnea(model, data, q, v, driven)
         how, steps, dependent = kernel.answer(
             *space.read, *space.fixed, v, generalised, space.memory, *loads, *self._columns, *elements, self._core, rest_speed,
             coulomb, self._closed, self.repeated, a, w, modes, u,
         )  # fmt: skip
+        if driven is not None:
+            a += driven
         return None if how == kernel.NOTHING else Found(a, w, u, modes, how, steps, dependent)
 
     def judged(
         self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool,
-        elements: Any, loads: Loads, misses: Array,
+        elements: Any, loads: Loads, misses: Array, own: tuple[Array, ...] | None = None, driven: Array | None = None,
     ) -> float:  # fmt: skip
         """An upper bound of the largest scaled residual; those of the equations are written.
 
@@ -320,14 +371,17 @@ class Plan(Workspaces):
             loads: As there.
             misses: Written: of stationarity, feasibility, cone and complementarity, and how far
                 loops are open, shape (5,).
+            own: The columns with the motions of the ground at a time, in place of its own.
+            driven: As there.
         """
+        own = self.own if own is None else own
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
         kernel = certificate_kernel()
-        kernel.act(*loads, *self.own, X, found.w, space.pushes.reshape(-1, 6), torque)
+        kernel.act(*loads, *own, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = kernel.judged(
-            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self.own, *elements,
-            X, twists, lifts, self._fall, rest_speed, coulomb, misses,
+            left, generalised, torque, self._per_inertia, found.a if driven is None else found.a - driven, v, found.w,
+            *own, *elements, X, twists, lifts, self._fall, rest_speed, coulomb, misses,
         )  # fmt: skip
         return worst
 
@@ -380,77 +434,39 @@ def _write(columns: Any, j: int, *vectors: Array) -> None:
     columns.force[j], columns.moment[j], columns.arm[j], columns.along[j] = vectors
 
 
-def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
-    """The elements, and whether all forces on the m rows are forces of columns.
-
-    Of points with the world's axes forces of least norm are those in their bodies' axes, turned: for orthonormal axes only.
-    """
-    force, moment, arm, _, body = columns
-    kernel = law_kernel()
-    moment = np.where(body[:, 1:2] >= kernel.EDGE, 0.0, moment)
-    Q, first = np.zeros((m, T.size)), np.array([e.columns.start for e in T.elements], np.int64)
-    turns, even = np.flatnonzero((body[:, 1] != kernel.BODY) & (body[:, 1] != kernel.ROWS)), True
-    axes = force.copy()
-    for three in turns[: len(turns) // 3 * 3].reshape(-1, 3):
-        F = force[three]
-        even &= bool((np.diff(three) == 1).all()) and float(np.abs(F @ F.T - np.eye(3)).max()) < 1e-14
-        axes[three] = np.eye(3)
-    even &= len(turns) % 3 == 0
-    body[turns[::3], 4] = even
-    for j, (k, kind, at, width, _) in enumerate(body.tolist()):
-        wrench = np.concatenate([axes[j], moment[j] + np.cross(arm[j], axes[j])])
-        if kind == kernel.ROWS:
-            wrench = np.eye(6)[int(force[j, 0])]
-        Q[at : at + width, j] = wrench[:width] if k >= 0 else force[j, :1]
-    mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements], float)
-    share = np.ascontiguousarray(np.linalg.pinv(Q)) if even and Q.size else np.zeros((T.size, m))
-    starts, normals = np.ones(len(first), bool), first + np.where(mu > 0.0, 2, 0)
-    if (mu > 0.0).sum() > _ALL:
-        starts = mu == 0.0
-        for k in np.unique(body[normals[~starts], 0]):
-            here = np.flatnonzero((mu > 0.0) & (body[normals, 0] == k))
-            starts[here[spread_out(arm[normals[here]], 4)]] = True
-    begin = share
-    if not starts.all() and share.any():
-        some = np.isin(T.element_at, np.flatnonzero(starts))
-        begin = np.zeros(share.shape)
-        begin[some] = np.linalg.pinv(Q[:, some])
-    closed = even and (not m or rank_of(Q, 1e-9) == m)
-    return made(first, T.lower[first], T.upper[first], mu, share, starts, begin), closed
-
-
-def spread_out(points: Array, count: int) -> list[int]:
-    """Numbers of some points that are far from each other."""
-    away, out = np.linalg.norm(points - points.mean(axis=0), axis=1), list[int]()
-    for _ in range(min(count, len(points))):
-        out.append(int(away.argmax()))
-        step = np.linalg.norm(points - points[out[-1]], axis=1)
-        away = step if len(out) == 1 else np.minimum(away, step)
-    return out
-
-
 class ConstraintDynamics:
-    """Constraints of one robot, prepared: a `Plan` for each set of joint limits that are reached.
+    """Constraints of one robot, prepared: a `Plan` for each set of joint limits that are reached, and ropes that are taut.
 
     Args:
         robot: The robot.
         sources: Of the constraints, None of a joint limit.
         limits: The joint limits, by their numbers.
+        ropes: The ropes of known length, likewise.
 
     Attributes:
-        on_still_ground: Whether all act between one body and ground at rest, as forces that are constant in some axes.
+        on_still_ground: Whether all act between one body and ground at rest, as forces that are constant in axes; no drive.
     """
 
-    def __init__(self, robot: CheckedModel, sources: Sequence[Source | None], limits: Mapping[int, JointLimit]) -> None:
-        self._robot, self.sources, self._limits = robot, sources, limits
-        columns = [c for source in sources if source is not None for c in source.columns if isinstance(c, Column)]
-        self.on_still_ground = all(c.base < 0 and c.axes <= law_kernel().EDGE for c in columns)
+    def __init__(
+        self,
+        robot: CheckedModel,
+        sources: Sequence[Source | None],
+        limits: Mapping[int, JointLimit],
+        ropes: Mapping[int, LoopClosure],
+    ) -> None:
+        self._robot, self.sources, self._limits, self._ropes = robot, sources, limits, ropes
+        self._ends = [(robot.site(rope.frame_a), robot.site(rope.frame_b)) for rope in ropes.values()]
+        self._spaces = Workspaces(robot.model, [])
+        known = [source for source in sources if source is not None]
+        columns = [c for source in known for c in source.columns if isinstance(c, Column)]
+        still = all(c.base < 0 and c.axes <= law_kernel().EDGE for c in columns)
+        self.on_still_ground = still and not any(source.drive for source in known)
         stops = [limit.stop(robot) for limit in limits.values()]
         self._q = np.array([stop.q for stop in stops], int)
         self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
         self._margin = np.array([limit.margin for limit in limits.values()])
         self._dofs, self._plans = [stop.v for stop in stops], dict[bytes, Plan]()
-        self._plain = None if limits else Plan(robot, sources)  # type: ignore[arg-type]
+        self._plain = None if limits or ropes else Plan(robot, sources)  # type: ignore[arg-type]
 
     def plans(self, q: Array) -> Iterator[tuple[Plan, Array]]:
         """The plans of configurations, shape (n, nq), each with the numbers of its states."""
@@ -462,12 +478,26 @@ class ConstraintDynamics:
                 yield self.plan(q[at]), np.flatnonzero(which.ravel() == k)
 
     def _reached(self, q: Array) -> Array:
-        """Which limits are reached, the lower ones first, shape (..., 2 limits), truth values."""
+        """Which limits are reached, the lower ones first, and which ropes taut, shape (..., 2 limits + ropes), truth values."""
         x = q[..., self._q]
-        return np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin], axis=-1)
+        taut = np.empty((*q.shape[:-1], len(self._ropes)), bool)
+        if self._ropes:
+            with self._spaces.workspace() as space:
+                for each, into in zip(q.reshape(-1, q.shape[-1]), taut.reshape(-1, len(self._ropes)), strict=True):
+                    into[:] = self._taut(space, each)
+        return np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin, taut], axis=-1)
+
+    def _taut(self, space: Workspace, q: Array) -> list[bool]:
+        """Which ropes are as long as they are, to their margins."""
+        pin.forwardKinematics(self._robot.model, space.data, q)
+        at, out = space.data.oMi, []
+        for rope, ((a, X_a), (b, X_b)) in zip(self._ropes.values(), self._ends, strict=True):
+            far = float(np.linalg.norm(at[b].act(X_b.translation) - at[a].act(X_a.translation)))
+            out.append(rope.slack_by(far) <= rope.margin)
+        return out
 
     def plan(self, q: Array) -> Plan:
-        """That of the joint limits reached at q."""
+        """That of the joint limits reached, and the ropes taut, at q."""
         if self._plain is not None:
             return self._plain
         sides = self._reached(q)
@@ -479,6 +509,9 @@ class ConstraintDynamics:
                 signs = [sign for sign, at in ((1.0, sides[k]), (-1.0, sides[n + k])) if at]
                 columns = [((self._dofs[k], sign),) for sign in signs]
                 sources[number] = Source(limit.name, NonNegative(len(signs)), columns)
+            for (number, rope), taut in zip(self._ropes.items(), sides[2 * n :], strict=True):
+                if not taut:
+                    sources[number] = Source(rope.name, NonNegative(0), [])
             found = Plan(self._robot, sources)  # type: ignore[arg-type]
             keep(self._plans, key, found, MOST)
         return found
@@ -512,7 +545,17 @@ def prepared(robot: CheckedModel, constraints: tuple[object, ...]) -> Constraint
 def _covered(robot: CheckedModel, constraints: tuple[object, ...]) -> ConstraintDynamics | None:
     """The form made; None of constraints that it does not cover."""
     limits = {i: c for i, c in enumerate(constraints) if type(c) is JointLimit}
+    ropes = {i: c for i, c in enumerate(constraints) if type(c) is LoopClosure and c.can_be_slack}
     sources = [None if i in limits else source_of(robot, c) for i, c in enumerate(constraints)]
     names = {getattr(c, "name", None) for c in constraints}
     covered = len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources))
-    return ConstraintDynamics(robot, sources, limits) if covered else None
+    covered &= _drives_alone([s for s in sources if s is not None], [limit.stop(robot).v for limit in limits.values()])
+    return ConstraintDynamics(robot, sources, limits, ropes) if covered else None
+
+
+def _drives_alone(sources: Sequence[Source], stops: Sequence[int]) -> bool:
+    """Whether nothing else has a row of a joint that is driven: its row, of a - e, would be another's."""
+    rows = [(s.drive is not None, c) for s in sources for c in s.columns if not isinstance(c, Column)]
+    driven = [dof for drives, torques in rows if drives for dof, _ in torques]
+    others = [dof for drives, torques in rows if not drives for dof, _ in torques]
+    return len(set(driven)) == len(driven) and not set(driven) & {*others, *stops}

@@ -37,7 +37,7 @@ MOST, MOST_BODIES = 64, 16
 MOST_SPARE = 2
 """Workspaces that are kept with a set of bodies."""
 
-OF_BODY, OF_BASE, OF_BASE_TWO = 0, 2, 3
+OF_BODY, OF_BASE, OF_BASE_TWO, OF_LINK = 0, 2, 3, 4
 """Axes of rows, as of `row_kernel`, which imports Numba."""
 NO_MOTION = (0.0,) * 18
 """Of ground at rest, and of what does not turn."""
@@ -53,7 +53,8 @@ class Site:
         size: Number of rows: 3 of a point, in world axes; 6 of a patch, in its own.
         axes: Of the rows, as of `row_kernel`; None: as said. Of the surface's, R of X_JC turns them.
         base: The joint of the body that it is on; 0: ground that moves; -1: ground at rest.
-        turn: Of a hinge, weld or cross R of its frame on the joint, by rows, and its axes, as of `row_kernel.loop_turn`.
+        turn: Of a hinge, weld or cross R of its frame on the joint, by rows, and its axes, as of `row_kernel.loop_turn`; of a
+            rod its other end on the other body, its length, NaN if none was given, and the sign of its row.
         motion: Of ground that moves: its velocity and acceleration (6 each), and the point where these are given, in the world;
             NaN for the point in the joint's axes that follows.
     """

@@ -35,11 +35,11 @@ from rbd.solvers.small_systems import product
 
 RESTS, SLIDES, OPENS, RUBS = range(4)
 """What an element does."""
-BODY, SURFACE, EDGE, EDGE_MOMENT, LOOP_MOMENT, ROWS = range(6)
+BODY, SURFACE, EDGE, EDGE_MOMENT, LOOP_MOMENT, ROWS, LINK = range(7)
 """Axes of a column's force: of its body; of the surface; of an edge, along it, across it, and normal less its part along it.
 
-Of an edge's moment likewise; of a loop's, the row as F; last a row of its site, by number. The surface is the world, or the
-body that is touched.
+Of an edge's moment likewise; of a loop's, the row as F; a row of its site, by number; last along a rod or rope.
+The surface is the world, or the body that is touched.
 """
 HELD, NEWTON, NOTHING = range(3)
 """How an answer was found: all elements rest, with weights of least norm; by Newton's method; not at all."""

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.constraints.loop import SHORTEST
 from rbd.kernels import compiled
 
 IMMOVABLE = 1e-26
@@ -26,8 +27,8 @@ JOINT, LAST, ROW, SIZE, AXES, BASE, BASE_LAST = range(7)
 """Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows (up to three of a point,
 then up to three of the body's turning), in which axes; the joint of the surface that it is on, 0 of ground that moves, -1 of
 ground at rest, and the last dof that moves that."""
-OF_BODY, OF_WORLD, OF_BASE, OF_BASE_TWO = range(4)
-"""Axes of rows: given in the joint's axes; the world's; given in those of the surface."""
+OF_BODY, OF_WORLD, OF_BASE, OF_BASE_TWO, OF_LINK = range(5)
+"""Axes of rows: given in the joint's axes; the world's; given in those of the surface; one row, along a rod or rope."""
 
 
 class Terms(NamedTuple):
@@ -229,6 +230,22 @@ def loop_turn(R: Array, axes: Array, w: Array, E: Array, extra: Array, error: Ar
 
 
 @compiled
+def along_link(end: Array, X: Array, p: Array, d: Array) -> float:
+    """Write the direction of a rod in the world, to its end p there from the one at `end` of the pose X; its length.
+
+    NaN where the ends coincide.
+    """
+    square = 0.0
+    for k in range(3):
+        d[k] = p[k] - (X[9 + k] + X[k] * end[0] + X[3 + k] * end[1] + X[6 + k] * end[2])
+        square += d[k] * d[k]
+    far = math.sqrt(square)
+    for k in range(3):
+        d[k] = d[k] / far if far > SHORTEST else math.nan
+    return far
+
+
+@compiled
 def body_rows(
     site: Array, place: Array, X: Array, twists: Array, rates: Array, fall: Array, J: Array, parent: Array, terms: Terms
 ) -> None:
@@ -258,10 +275,14 @@ def body_rows(
             if site[AXES] >= OF_BASE:
                 own[k, j] = turn[k, 0] * place[j] + turn[k, 1] * place[3 + j] + turn[k, 2] * place[6 + j]
             own[k, 3 + j] = own[k, j]
-    extra = np.zeros(3)
+    extra, d, far = np.zeros(3), np.empty(3), 1.0
+    if site[AXES] == OF_LINK:
+        far = along_link(place[30:33], Z, p, d)
+        for k in range(3):
+            own[k, 0] = place[34] * (Y[3 * k] * d[0] + Y[3 * k + 1] * d[1] + Y[3 * k + 2] * d[2])
     _motion(Y, twists[site[JOINT]], rates[site[JOINT]], fall, r, motion)
     if base >= 0:
-        surface, d = np.empty((4, 3)), np.empty(3)
+        surface = np.empty((4, 3))
         if base > 0:
             for k in range(3):
                 d[k] = Z[3 * k] * (p[0] - Z[9]) + Z[3 * k + 1] * (p[1] - Z[10]) + Z[3 * k + 2] * (p[2] - Z[11])
@@ -270,7 +291,7 @@ def body_rows(
             _ground_motion(place[12:], Y, p, surface)
         _take_away(turn, surface, motion)
     slides = 2 if site[AXES] == OF_BASE_TWO else 3
-    if site[AXES] >= OF_BASE and size > slides:
+    if size > slides and site[AXES] >= OF_BASE:
         R, E, spin, error = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3)
         for k in range(3):
             for j in range(3):
@@ -299,6 +320,9 @@ def body_rows(
             r = at + slides + j
             terms.velocity[r] = own[0, 3 + j] * w[0] + own[1, 3 + j] * w[1] + own[2, 3 + j] * w[2]
             terms.free[r] = own[0, 3 + j] * dw[0] + own[1, 3 + j] * dw[1] + own[2, 3 + j] * dw[2] + extra[j]
+    if site[AXES] == OF_LINK:  # its direction turns
+        square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        terms.free[at] += place[34] * (square - terms.velocity[at] * terms.velocity[at]) / far
 
 
 @compiled

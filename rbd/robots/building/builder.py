@@ -56,7 +56,7 @@ End = str | tuple[str, Sequence[float] | Array]
 
 
 class RobotBuilder(Displayed):
-    """Builds a robot or mechanism in memory: bodies, joints, frames, loops, wheels and postures, then `robot()` or `save()`.
+    """Builds a robot or mechanism in memory: bodies, joints, loops, drives, wheels, postures, then `robot()` or `save()`.
 
     A body's axes are those of its joint: `at` and `rpy` of `joint` place the child's axes in the parent's, for the joint at
     zero, and everything of the child (solids, com, frames, joints that hang on it) is given in them. Where no joint is turned,
@@ -95,7 +95,7 @@ class RobotBuilder(Displayed):
         self._bodies: dict[str, BuilderBody] = {}
         self._joints: dict[str, BuilderJoint] = {}
         self._frames: dict[str, NamedFrame] = {}
-        self._lists: dict[str, list[Entry]] = {"loops": [], "couplings": [], "wheels": []}
+        self._lists: dict[str, list[Entry]] = {"loops": [], "couplings": [], "drives": [], "wheels": []}
         self._postures: dict[str, dict[str, float | tuple[float, ...]]] = {}
 
     def __repr__(self) -> str:
@@ -279,6 +279,35 @@ class RobotBuilder(Displayed):
         keys = {"joint": joint, "to": to, "ratio": ratio, "offset": offset}
         self._lists["couplings"].append(self._entry("couplings", f"coupling {name!r:.80}", name, **keys))
 
+    def drive(
+        self,
+        name: str,
+        joint: str,
+        *,
+        rate: float | None = None,
+        start: float | None = None,
+        times: Sequence[float] | Array | None = None,
+        values: Sequence[float] | Array | None = None,
+        periodic: bool | None = None,
+    ) -> None:
+        """Drive a joint: at a constant speed, q = start + rate t, or along a spline; see `rbd.DrivenJoint` and `Robot.drives`.
+
+        Args:
+            name: Of the drive.
+            joint: A joint with one degree of freedom.
+            rate: Its speed [rad/s, m/s].
+            start: Where it is at t = 0 [rad, m]; zero by default.
+            times: In place of a rate: of the points of a cubic spline, increasing, four or more [s].
+            values: Of the joint at these times [rad, m].
+            periodic: Whether the spline repeats, its last value being its first.
+
+        Raises:
+            InputError: a name that is taken, numbers that are wrong, neither a rate nor times and values, or both.
+        """
+        keys = {"rate": rate, "start": start, "times": times, "values": values, "periodic": periodic}
+        kind = "speed" if times is None and values is None else "spline"
+        self._lists["drives"].append(self._entry("drives", f"drive {name!r:.80}", name, kind=kind, joint=joint, **keys))
+
     def wheel(
         self,
         name: str,
@@ -288,21 +317,30 @@ class RobotBuilder(Displayed):
         radius: float | None = None,
         axis: Sequence[float] | Array | None = None,
         direction: Sequence[float] | Array | None = None,
+        shape: Sequence[float] | Array | None = None,
+        surface_radius: float | None = None,
+        on: str | float | Sequence[float] | Array | None = None,
     ) -> None:
-        """Let something roll or slide on the ground z = 0.
+        """Let something roll or slide on the ground z = 0, or on something else.
 
         Args:
             name: Of the wheel.
             frame: At its centre.
-            kind: "rolling_wheel" (upright), "rolling_disk" (it may lean), "rolling_ball", or "knife_edge".
-            radius: Of what rolls [m].
-            axis: Of a wheel or disk, in the frame's axes; y by default.
+            kind: "rolling_wheel" (upright), "rolling_disk" (it may lean), "rolling_ball", "rolling_body" (an ellipsoid),
+                "rolling_on_round" (a ball in or on a ball or cylinder), or "knife_edge".
+            radius: Of what rolls [m]; of "rolling_body" by how much it is grown, zero by default.
+            axis: Of a wheel or disk, in the frame's axes, y by default; of the cylinder of "rolling_on_round", in W.
             direction: Of a knife edge, in the frame's axes; x by default.
+            shape: Semi-axes of "rolling_body" [m].
+            surface_radius: Of "rolling_on_round": of what it rolls on [m]; negative of what it rolls in.
+            on: Of what rolls: a height [m], a point of level ground, shape (3,) [m], or a frame of the robot; of
+                "rolling_on_round" the centre, or a point of the cylinder's axis.
 
         Raises:
             InputError: a name that is taken, an unknown kind, a radius that is missing or none.
         """
-        keys = {"radius": radius, "axis": axis, "direction": direction}
+        keys = {"radius": radius, "axis": axis, "direction": direction, "shape": shape, "on": on}
+        keys |= {"surface_radius": surface_radius}
         self._lists["wheels"].append(self._entry("wheels", f"wheel {name!r:.80}", name, kind=kind, frame=frame, **keys))
 
     def constraint(self, name: str, kind: str, **keys: str | bool | float | Sequence[float]) -> None:
@@ -320,7 +358,8 @@ class RobotBuilder(Displayed):
 
     def _entry(self, part: str, what: str, name: str, **keys: object) -> Entry:
         """A constraint for the loop file, checked; keys that are None are left out."""
-        self._unused("loop, coupling or wheel", name, [entry["name"] for known in self._lists.values() for entry in known])
+        names = [entry["name"] for known in self._lists.values() for entry in known]
+        self._unused("loop, coupling, drive or wheel", name, names)
         return constraint_entry(part, what, {"name": name} | {key: value for key, value in keys.items() if value is not None})
 
     def posture(self, name: str, values: Mapping[str, float | Sequence[float]]) -> None:
@@ -354,7 +393,7 @@ class RobotBuilder(Displayed):
         return urdf_text(self.name, self.about, bodies.values(), joints, self._frames.values())
 
     def loop_file(self) -> str:
-        """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
+        """The loop file, in YAML: the root, passive joints, loops, couplings, drives, wheels and postures."""
         passive = [joint.name for joint in self._joints.values() if not joint.motor and joint.kind not in ("fixed", "free")]
         head = "".join(f"# {line.strip()}\n" for line in self.about.splitlines())
         return head + yaml_text(self.root, self.plane, passive, self._order(), self._lists, self._postures)

@@ -124,7 +124,7 @@ def yaml_text(
         plane: Of a planar root, if one was named.
         passive: Joints without a motor.
         order: Joints as declared, where Pinocchio would order them otherwise.
-        lists: {"loops", "couplings", "wheels": entries}.
+        lists: {"loops", "couplings", "drives", "wheels": entries}.
         postures: {name: {joint: value}}.
     """
     out = [f"root: {root}", *([f"plane: {plane}"] if plane else [])]
