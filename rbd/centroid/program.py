@@ -124,8 +124,8 @@ class CentroidProgram(Displayed):
         rests: Whether the centre of mass is at rest, and in balance, at the first and at the last time.
         limits: (at, C, h): the sum of C_i . f_i over the points is at most h, softly, in m rows of times `at`, as torques of
             motors have it; shapes (m,), (m, k, 3) [1/N] and (m,).
-        start: (centre of mass, its velocity, angular momentum) at the first time, shapes (3,) [m, m/s, N m s]; None: it is free,
-            or at rest.
+        start: (centre of mass, its velocity, angular momentum) at the first time, shapes (3,) [m, m/s, N m s]; None: they are
+            free, or at rest.
         costs: See `CentroidCosts`.
     """
 
@@ -191,9 +191,10 @@ class CentroidProgram(Displayed):
         given = np.zeros((0, 3)) if self.start is None else np.array([self.start[0], self.dt * self.start[1]])
         begins = 6 * n + 3 * len(at_rest) + 3 * np.arange(len(given))
         for column, *factors in ((0, 1.0, -1.5), (3, 0.0, 2.0), (6, 0.0, -0.5)):  # the first acceleration is the second
-            for row, factor in zip(begins, factors, strict=False):
-                A.put(np.array([row]), np.array([column]), xyz, xyz, factor)
-        sums = 6 * n + 3 * len(at_rest) + 3 * len(given) + 3 * np.arange(T // 3)  # L[k] - L[k-1] = dt (L_dot[k-1] + L_dot[k]) / 2
+            for first, weight in zip(begins, factors, strict=False):
+                A.put(np.array([first]), np.array([column]), xyz, xyz, weight)
+        # L[k] - L[k-1] = dt (L_dot[k-1] + L_dot[k]) / 2
+        sums = 6 * n + 3 * len(at_rest) + 3 * len(given) + 3 * np.arange(T // 3)
         for rows, columns, factor in (
             (sums, turning + 3 * np.arange(n), 1.0), (sums[1:], turning + 3 * np.arange(n - 1), -1.0),
             (sums[1:], low[1:], -0.5 * self.dt), (sums[1:], low[:-1], -0.5 * self.dt),

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.surface import contact_axes, plane_of
+from rbd.constraints.surface import contact_axes
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.walking.gaits import Gait
 from rbd.displayed import Displayed
@@ -25,7 +25,10 @@ ASIDE = 0.2
 TRIED = 41
 """... in so many places."""
 FLAT = 1e-6
-"""Corners on one plane are no farther from it [m]."""
+"""Corners on one plane are no farther from it [m] ..."""
+BUMPS = 1e-3
+"""... and what is around a point foot."""
+AROUND = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,7 @@ class Footstep(Displayed):
 
     Example:
         >>> step = rbd.control.Footstep("left_sole", pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.0])), 1.0, 1.7)
-        >>> step.end - step.start
+        >>> round(step.end - step.start, 3)
         0.7
     """
 
@@ -99,8 +102,9 @@ class Floor:
                 return out
         return X
 
-    def pose(self, foot: str, x: float, y: float, yaw: float) -> pin.SE3:
-        """Of a foot's contact that is put down there."""
+    def pose(self, foot: str, place: Array, yaw: float) -> pin.SE3:
+        """Of a foot's contact that is put down at (x, y), whatever the place's z is."""
+        x, y = float(place[0]), float(place[1])
         z, n = self.height(x, y)
         along = None if len(self.feet[foot].corners) == 1 else np.array([math.cos(yaw), math.sin(yaw), 0.0])
         return pin.SE3(contact_axes(n, along), np.array([x, y, z]))
@@ -110,31 +114,33 @@ class Floor:
         if isinstance(self.on, Ground):
             return True
         corners = np.asarray(self.feet[foot].corners)
-        corners = corners + MARGIN * (np.sign(corners) if len(corners) > 1 else np.array([[1, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0]]))
+        point = len(corners) == 1
+        corners = corners + MARGIN * (AROUND if point else np.sign(corners) * [1.0, 1.0, 0.0])
         try:
             under = [self.height(*X.act(c)[:2]) for c in corners]
         except InputError:
             return False
         places = np.array([[*X.act(c)[:2], z] for c, (z, _) in zip(corners, under, strict=True)])
-        return bool(np.abs((places - X.translation) @ X.rotation[:, 2]).max() < FLAT + 1e-3 * (len(corners) == 1))
+        return bool(np.abs((places - X.translation) @ X.rotation[:, 2]).max() < (BUMPS if point else FLAT))
 
-    def nearest(self, foot: str, x: float, y: float, yaw: float, way: Array, level: float) -> pin.SE3:
-        """The nearest pose before or behind (x, y), along a way, that rests wholly and is not too high or too low.
+    def nearest(self, foot: str, place: Array, yaw: float, way: Array, level: float) -> pin.SE3:
+        """The nearest pose to (x, y), before or behind it along a way, that rests wholly and is not too high or too low.
 
         Raises:
             InputError: there is none.
         """
         tried = ASIDE * np.linspace(-1.0, 1.0, TRIED)
-        for s in sorted(tried.tolist(), key=abs) if isinstance(self.on, Terrain) else [0.0]:
+        for s in sorted(tried.tolist(), key=abs) if self.uneven else [0.0]:
             try:
-                X = self.pose(foot, x + s * way[0], y + s * way[1], yaw)
+                X = self.pose(foot, place[:2] + s * way, yaw)
             except InputError:
                 continue
             if self.whole(foot, X) and abs(X.translation[2] - level) <= self.rise:
                 return X
+        x, y = place[:2]
         raise InputError(
-            f"{foot!r:.80} finds no place to stand on within {100 * ASIDE:.0f} cm of ({x:.3f}, {y:.3f}) m: a whole sole needs a "
-            f"level piece of ground, at most {100 * self.rise:.0f} cm higher or lower than the other feet. Give shorter steps, "
+            f"{foot!r:.80} finds no place to stand on within {100 * ASIDE:.0f} cm of ({x:.3f}, {y:.3f}) m: a whole foot needs "
+            f"one plane, at most {100 * self.rise:.0f} cm higher or lower than the other feet. Give shorter steps, "
             "or `steps` as a list of rbd.control.Footstep."
         )
 
@@ -145,10 +151,17 @@ def moved(x: float, y: float, yaw: float) -> pin.SE3:
 
 
 def footsteps(
-    floor: Floor, poses: Mapping[str, pin.SE3], roles: Mapping[str, str], gait: Gait, n: int, advance: Array, start: float,
-    unit: float, yaw: float,
+    floor: Floor,
+    poses: Mapping[str, pin.SE3],
+    roles: Mapping[str, str],
+    gait: Gait,
+    n: int,
+    advance: Array,
+    start: float,
+    unit: float,
+    yaw: float,
 ) -> list[Footstep]:
-    """n swings of a gait.
+    """Footsteps of a gait.
 
     Args:
         floor: What is walked on.
@@ -183,7 +196,7 @@ def footsteps(
             others = [z for other, z in level.items() if other != foot]
             turn = turned[foot] if len(floor.feet[foot].corners) > 1 else 0.0
             way = B.rotation[:2, :2] @ (advance[:2] / (np.linalg.norm(advance[:2]) or 1.0))
-            X = floor.nearest(foot, place[0], place[1], heading + turn, way, float(np.mean(others)))
+            X = floor.nearest(foot, place, heading + turn, way, float(np.mean(others)))
             now[foot] = X.translation[2]
             out.append(Footstep(foot, X, t, t + gait.swing * unit))
         t += (gait.swing + gait.overlap) * unit

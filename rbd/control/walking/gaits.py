@@ -62,8 +62,8 @@ class Gait(Displayed):
     @property
     def flies(self) -> bool:
         """Whether there are times in which no foot is on the ground."""
-        feet = {foot for group in self.order for foot in group}
-        return self.overlap < 0.0 and any(set(a) | set(b) == feet for a, b in zip(self.order, (*self.order[1:], self.order[0])))
+        feet, after = {foot for group in self.order for foot in group}, (*self.order[1:], self.order[0])
+        return self.overlap < 0.0 and any(set(a) | set(b) == feet for a, b in zip(self.order, after, strict=True))
 
 
 GAITS = {

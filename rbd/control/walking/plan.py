@@ -14,7 +14,8 @@ from scipy.interpolate import CubicSpline
 
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
-from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.contact_schedule import ContactSchedule, Interval
+from rbd.control.schedules import INSTANT
 from rbd.control.task_terms import Reference
 from rbd.control.walking.footsteps import Floor, Footstep
 from rbd.control.walking.swings import Swing, smooth
@@ -47,7 +48,8 @@ SAG = 0.06
 SHIFT = 0.3
 """Size of a shift of a foothold, over h, of the same cost where the foot stands for a quarter of a second."""
 AHEAD, REST = 7.0, 3.0
-"""A plan that is made on the way has the steps that begin so soon [sqrt(h / g)]; after the last one it comes to rest for so long."""
+"""A plan that is made on the way has the steps that begin so soon; after the last one it comes to rest for so long
+[sqrt(h / g)]."""
 FORWARD, OUTWARD, INWARD = 0.6, 0.45, 0.3
 """Feet come apart from where they stand by at most so much, over h; two feet nearer by this share of their distance."""
 SOONEST = 0.5
@@ -94,12 +96,11 @@ class WalkPlan(Displayed):
     @lazy
     def schedule(self) -> ContactSchedule:
         """When which foot carries."""
-        times = {
-            foot: [-math.inf, *(x for s in own for x in (s.start, s.landing)), math.inf] for foot, own in self.swings.items()
-        }
-        return ContactSchedule(
-            {foot: np.reshape(each, (-1, 2)) for foot, each in times.items()}, fade=self.fade, flight=True
-        )
+        times = dict[str, list[Interval]]()
+        for foot, own in self.swings.items():
+            lands, lifted = [-math.inf, *(s.landing for s in own)], [*(s.start for s in own), math.inf]
+            times[foot] = list(zip(lands, lifted, strict=True))
+        return ContactSchedule(times, fade=self.fade, flight=True)
 
     @lazy
     def _com(self) -> CubicSpline:
@@ -143,7 +144,8 @@ class WalkPlan(Displayed):
         if soles:
             turns = [self.placed(f, t).rotation @ self.poses[f].rotation.T for f in soles]
             return self.yaw + float(np.mean([math.atan2(R[1, 0], R[0, 0]) for R in turns]))
-        a, b = (np.array([X.translation[:2] for X in each]) for each in (self.poses.values(), [self.placed(f, t) for f in self.poses]))
+        now = [self.placed(f, t) for f in self.poses]
+        a, b = (np.array([X.translation[:2] for X in each]) for each in (self.poses.values(), now))
         a, b = a - a.mean(axis=0), b - b.mean(axis=0)
         return self.yaw + math.atan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
 
@@ -236,14 +238,15 @@ class Planner:
             corners, own = np.asarray(contact.corners), swings[foot]
             inner = corners.mean(axis=0) + INNER * (corners - corners.mean(axis=0))
             points.append(np.array([[draft.placed(foot, x).act(p) for p in inner] for x in t]))
-            on = np.all([(t <= s.start + 1e-9) | (t >= s.landing - 1e-9) for s in own], axis=0) if own else np.ones(len(t), bool)
-            landed = np.sum([t >= s.landing - 1e-9 for s in own], axis=0) if own else np.zeros(len(t), int)
+            begun = np.searchsorted([s.start + INSTANT for s in own], t)
+            landed = np.searchsorted([s.landing - INSTANT for s in own], t)
+            on = begun <= landed
             which = np.array([number.get((foot, k - 1), -1) for k in landed])
             touches.append(np.repeat(on[:, None], len(inner), axis=1))
             stance.append(np.repeat(np.where(on, which, -1)[:, None], len(inner), axis=1))
         program = CentroidProgram(
-            float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1), np.concatenate(touches, axis=1),
-            FRICTION_SHARE * self.friction, self._reference(draft), np.zeros((len(t), 3)),
+            float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1),
+            np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft), np.zeros((len(t), 3)),
             np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts), (False, True), start=start,
             costs=CentroidCosts(turning=TURNING * self.unit, shift=SHIFT * self.h),
         )  # fmt: skip
@@ -261,10 +264,10 @@ class Planner:
         for foot in self.poses:
             places = np.array([draft.placed(foot, x).translation for x in t])
             for k, x in enumerate(t):  # of the footholds, not of the foot in the air
-                s = draft.swing(foot, x)
-                if s is not None:
-                    a, b = s.begin.translation[2], s.end.translation[2]
-                    places[k, 2] = a + smooth(x - s.start, s.T)[0] * (b - a)
+                way = draft.swing(foot, x)
+                if way is not None:
+                    a, b = way.begin.translation[2], way.end.translation[2]
+                    places[k, 2] = a + smooth(x - way.start, way.T)[0] * (b - a)
             middle.append(places)
         place, feet = np.mean(middle, axis=0), np.mean([X.translation for X in self.poses.values()], axis=0)
         turned = np.array([draft.heading(self.floor, x) for x in t]) - self.yaw
@@ -293,9 +296,7 @@ class Planner:
                 add({key: way}, -far)
         two, stood = len(self.poses) == 2, {f: X.translation for f, X in self.poses.items()}
         for one, other in combinations(self.poses, 2):
-            own, others = (
-                [(k - 1, *each) for k, each in enumerate(self._stays(draft, f))] for f in (one, other)
-            )
+            own, others = ([(k - 1, *each) for k, each in enumerate(self._stays(draft, f))] for f in (one, other))
             for i, X, first, last in own:
                 for j, Y, begins, ends in others:
                     if max(first, begins) > min(last, ends) + 0.5 * self.unit:

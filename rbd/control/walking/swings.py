@@ -108,6 +108,4 @@ class Swing:
         if t <= self.start:
             return replace(self, end=end, T=landing - self.start)
         X, v, a = self.at(t)
-        return replace(
-            self, begin=X, end=end, T=landing - self.start, since=t, state=np.array([X.translation, v[:3], a[:3]])
-        )
+        return replace(self, begin=X, end=end, T=landing - self.start, since=t, state=np.array([X.translation, v[:3], a[:3]]))

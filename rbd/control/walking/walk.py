@@ -54,7 +54,7 @@ class Walk(Displayed):
 
     With h the height of the centre of mass over the feet and c its place, x = c + sqrt(h / g) c' is the capture point. Where
     it is off the plan's by more than 2 % of h, the rest of the walk is planned anew from there, at most every 0.25 sqrt(h / g):
-    footholds to come are shifted, as far as feet come and stay on their own side, and where it is off by more than 4 %, feet are
+    footholds to come are shifted, as far as feet come and stay on their own side; where it is off by more than 4 %, feet are
     put down or lifted sooner, if that costs less. So pushes are taken up by steps.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
@@ -130,7 +130,7 @@ class Walk(Displayed):
         unit = math.sqrt(h / float(np.linalg.norm(robot.gravity)))
         self.gait = gait_of(gait, len(feet))
         roles, floor = roles_of(self.state, self.contacts, centres), Floor(on, feet, RISE * h)
-        poses = {name: floor.pose(name, *X.translation[:2], yaw) if len(feet[name].corners) == 1 else X for name, X in poses.items()}
+        poses |= {name: floor.pose(name, X.translation, yaw) for name, X in poses.items() if len(feet[name].corners) == 1}
         self._planner = Planner(
             robot, floor, poses, self.state.com, yaw, h, unit, friction, self.gait.lift * h,
             min(0.05, max(0.4 * self.gait.overlap * unit, 0.004)),
@@ -147,8 +147,8 @@ class Walk(Displayed):
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
         self._again = -math.inf
         tasks: list[Task] = [
-            ComTask(lambda t: self.plan.com(t), cost=1000.0, gain=60.0),
-            MomentumTask(lambda t: self.plan.momentum(t), angular_cost=3.0, gain=5.0),
+            ComTask(self._com, cost=1000.0, gain=60.0),
+            MomentumTask(self._momentum, angular_cost=3.0, gain=5.0),
             FrameTask(self._base, partial(self._turned, R), orientation_cost=10.0, gain=80.0),
             PostureTask(self.state.q, cost=0.5, gain=40.0),
         ]
@@ -219,7 +219,7 @@ class Walk(Displayed):
         if (np.abs(v) > most * (1.0 + 1e-9)).any():
             raise InputError(
                 f"velocity of Walk is {np.round(v, 4).tolist()}; expected at most {most[0]:.3g} m/s forwards or backwards, "
-                f"{most[1]:.3g} m/s aside and {most[2]:.3g} rad/s of {self.robot.name} in this gait, or a Gait of longer strides."
+                f"{most[1]:.3g} m/s aside and {most[2]:.3g} rad/s of {self.robot.name} in this gait, or a longer stride."
             )
         return v * period
 
@@ -232,17 +232,17 @@ class Walk(Displayed):
             check_known("a step of Walk is of foot", step.foot, self._planner.poses)
             if step.start < before.get(step.foot, 0.0):
                 raise InputError(
-                    f"{step.foot!r:.80} is to be lifted at {step.start:g} s, before it stands ({before.get(step.foot, 0.0):g} s)."
+                    f"{step.foot!r:.80} is to be lifted at {step.start:g} s; it stands from {before.get(step.foot, 0.0):g} s."
                 )
             before[step.foot] = step.end
             x, y, z = step.pose.translation
             height, n = self._planner.floor.height(x, y)
-            off = float((np.array([0.0, 0.0, z - height]) @ n))
+            off = (z - height) * float(n[2])
             if abs(off) > 1e-3 or float(n @ step.pose.rotation[:, 2]) < 1.0 - FLAT:
                 raise InputError(
-                    f"the step of {step.foot!r:.80} to {np.round([x, y, z], 3).tolist()} {'floats above' if off > 0 else 'is in'} "
-                    f"the ground by {1e3 * abs(off):.1f} mm, or leans on it; expected z = {height:.4f} m and its z axis along "
-                    f"{np.round(n, 3).tolist()}."
+                    f"the step of {step.foot!r:.80} to {np.round([x, y, z], 3).tolist()} is {1e3 * abs(off):.1f} mm "
+                    f"{'above' if off > 0 else 'inside'} the ground, or leans on it; expected z = {height:.4f} m, and its "
+                    f"axis z along {np.round(n, 3).tolist()}."
                 )
         return out
 
@@ -259,14 +259,16 @@ class Walk(Displayed):
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
                 except CannotReach as error:
-                    worst = max(max(miss.distance, miss.angle * 0.1) for miss in error.misses.values())
+                    worst = max((max(miss.distance, 0.1 * miss.angle) for miss in error.misses.values()), default=math.inf)
                     if worst < REACHED:
                         continue
-                    reached = contacts_at(error.state, self.contacts)[step.foot].translation
+                    pose = near if error.q is None else State(self.robot, error.q)
+                    reached = contacts_at(pose, self.contacts)[step.foot].translation
+                    place = np.round(step.pose.translation, 3).tolist()
                     raise InputError(
-                        f"the step of {step.foot!r:.80} to {np.round(step.pose.translation, 3).tolist()} m, {step.start:.2f} to "
-                        f"{step.end:.2f} s, is out of reach: at {t:.2f} s the nearest pose is off by {1e3 * worst:.0f} mm, with "
-                        f"this foot at {np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
+                        f"the step of {step.foot!r:.80} to {place} m, {step.start:.2f} to {step.end:.2f} s, is out of reach: "
+                        f"at {t:.2f} s the nearest pose is {1e3 * worst:.0f} mm off, with this foot at "
+                        f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
 
     def _adapt(self, state: State, t: float) -> None:
@@ -287,6 +289,12 @@ class Walk(Displayed):
         self.plans.append((t, self.plan))
         self._control.reschedule(self.plan.schedule)
 
+    def _com(self, t: float) -> Reference:
+        return self.plan.com(t)
+
+    def _momentum(self, t: float) -> Reference:
+        return self.plan.momentum(t)
+
     def _turned(self, R: Array, t: float) -> Reference:
         """How the base is turned: with the feet."""
         floor, dt = self._planner.floor, 1e-3
@@ -305,9 +313,7 @@ class Walk(Displayed):
 
 def contacts_at(state: State, feet: Sequence[Contact]) -> dict[str, pin.SE3]:
     """{foot: pose of the middle of its contact}."""
-    return {
-        foot.name: state.frame(foot.frame).X_WF * foot.placement * pin.SE3(np.eye(3), foot.corners.mean(axis=0)) for foot in feet
-    }
+    return {f.name: state.frame(f.frame).X_WF * f.placement * pin.SE3(np.eye(3), f.corners.mean(axis=0)) for f in feet}
 
 
 def standing_on(robot: Robot, on: Ground | Terrain) -> State:
@@ -319,7 +325,7 @@ def standing_on(robot: Robot, on: Ground | Terrain) -> State:
     feet, state = robot.feet(friction=None), robot.standing()
     floor, poses = Floor(on, {foot.name: foot for foot in feet}, math.inf), contacts_at(state, feet)
     yaws = {name: math.atan2(X.rotation[1, 0], X.rotation[0, 0]) for name, X in poses.items()}
-    wanted = {name: floor.pose(name, *X.translation[:2], yaws[name]) for name, X in poses.items()}
+    wanted = {name: floor.pose(name, X.translation, yaws[name]) for name, X in poses.items()}
     rise = np.array([wanted[name].translation[2] - X.translation[2] for name, X in poses.items()])
     if np.ptp(rise) < FLAT and all(X.rotation[2, 2] > 1.0 - FLAT**2 for X in wanted.values()):
         q = state.q.copy()
