@@ -89,6 +89,7 @@ WEDGE.write_text(
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", rbd.errors.ModelWarning)
     BOLT = rbd.load_robot("bolt")
+    SOLO_12 = rbd.load_robot("solo12")
 STATE = BOLT.standing()
 FEET = BOLT.feet()
 TAU = np.zeros(BOLT.nu)
@@ -312,6 +313,13 @@ def use_whole_body(controller: Any) -> Any:
     """Its torques, and what it logs of the step."""
     controller.accepted(rbd.control.AcceptedStep(STATE, 0.0, 1e-3, {}))
     return controller(STATE, 0.0), controller.log.residual, controller.log.torque_share
+
+
+def use_walk(robot: Any, steps: Any = 1, *args: Any, **given: Any) -> Any:
+    """Its first torques, and where it means to go."""
+    walk = rbd.control.Walk(robot, min(steps, 3) if isinstance(steps, int) else steps, *args, **given)
+    walk.accepted(rbd.control.AcceptedStep(walk.state, 0.0, 1e-3, {}))
+    return walk(walk.state, 0.0), walk.plan.centroid.com, str(walk)
 
 
 def use_schedule(schedule: Any) -> Any:
@@ -1157,6 +1165,21 @@ CASES: dict[str, Case] = {
         lambda **given: use_schedule(rbd.control.ContactSchedule(**given)),
         {"intervals": {"foot": [(0.0, 1.0), (1.5, 2.0)]}, "fade": 0.05, "flight": False},
     ),
+    "Footstep": Case(
+        lambda **given: use_walk(robot=SOLO_12, steps=[rbd.control.Footstep(**given)]),
+        {"foot": "front_left", "pose": pin.SE3(np.eye(3), np.array([0.22, 0.15, 0.0])), "start": 0.5, "end": 0.8},
+        60,
+    ),
+    "Gait": Case(
+        lambda **given: rbd.control.Gait(**given).flies,
+        {"order": (("left",), ("right",)), "swing": 2.0, "overlap": 1.0, "lift": 0.1, "stride": 0.2},
+    ),
+    "Walk": Case(
+        lambda **given: use_walk(**given),
+        {"robot": SOLO_12, "steps": 1, "velocity": np.array([0.05, 0.0, 0.0]), "terrain": 0.0, "gait": "trot", "friction": 0.6}
+        | {"state": SOLO_12.standing(), "model": SOLO_12, "adapts": True},
+        60,
+    ),
     "WholeBodyController": Case(
         lambda **given: use_whole_body(rbd.control.WholeBodyController(**given)),
         {"tasks": [rbd.control.PostureTask(STATE)], "contacts": FEET, "every": 0.002, "contact_damping": 50.0, "early": 0.5}
@@ -1486,6 +1509,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "WalkPlan",
     "ElementPicture",
     "LoopFile",
     "Floquet",

@@ -44,6 +44,7 @@ class CentroidCosts(Displayed):
         force_rate: Change of forces over the weight in a second [1/s].
         shift: Of a stance that lasts a quarter of a second [m].
         excess: Of a row of `CentroidProgram.limits` beyond its limit.
+        turning: Of the angular momentum, over the weight [m s]; infinite: it costs nothing.
     """
 
     com: float = 0.05
@@ -54,6 +55,7 @@ class CentroidCosts(Displayed):
     force_rate: float = 5.0
     shift: float = 0.04
     excess: float = 0.4
+    turning: float = np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,8 +76,10 @@ class CentroidPlan(Displayed):
         forces: At the points, shape (n, k, 3) [N]; zero where they do not touch.
         shifts: Of the stances along the floor, shape (stances, 2) [m].
         status: What the solver said.
+        cost: Half the sum of squares that the program minimises.
         residual: Largest error of the balance of forces and of moments about the plan's own centre of mass, over the weight,
             and over the weight times 0.3 m: what the linearised moment leaves.
+        start: Angular momentum at the first time, shape (3,) [N m s].
     """
 
     com: Array
@@ -83,7 +87,9 @@ class CentroidPlan(Displayed):
     forces: Array
     shifts: Array
     status: str
+    cost: float
     residual: float
+    start: Array = field(default_factory=lambda: np.zeros(3))
 
     def __repr__(self) -> str:
         n, k, _ = self.forces.shape
@@ -119,6 +125,8 @@ class CentroidProgram(Displayed):
         rests: Whether the centre of mass is at rest, and in balance, at the first and at the last time.
         limits: (at, C, h): the sum of C_i . f_i over the points is at most h, softly, in m rows of times `at`, as torques of
             motors have it; shapes (m,), (m, k, 3) [1/N] and (m,).
+        start: (centre of mass, its velocity, angular momentum) at the first time, shapes (3,) [m, m/s, N m s]; None: they are
+            free, or at rest.
         costs: See `CentroidCosts`.
         normals: Of what is under the points: their friction cones are about these, shape (n, k, 3); None: level.
     """
@@ -135,6 +143,7 @@ class CentroidProgram(Displayed):
     bounds: tuple[Array, Array] | None = None
     rests: tuple[bool, bool] = (False, False)
     limits: tuple[Array, Array, Array] | None = None
+    start: tuple[Array, Array, Array] | None = None
     costs: CentroidCosts = field(default_factory=CentroidCosts)
     normals: Array | None = None
 
@@ -157,6 +166,7 @@ class CentroidProgram(Displayed):
         force, shift = 6 * n + 3 * np.arange(E), 6 * n + 3 * E  # columns: c, moment, forces, shifts, excesses
         over, (times, C, most) = shift + 2 * S, self._limits()
         excess = over + np.arange(len(times))
+        turning, T = over + len(times), 3 * n * bool(self.costs.turning < np.inf)  # columns of the angular momentum
         com = self.com if about is None else about.com
         cross = cross_matrices((self.points if about is None else self._places(about.shifts))[k, i] - com[k])
         total = (self._acceleration(com) - self.gravity) * self.mass / unit
@@ -181,7 +191,22 @@ class CentroidProgram(Displayed):
         still = 6 * n + 3 * np.arange(len(at_rest))
         for beside, factor in ((0, -1.0), (1, 1.0)):  # three places are the same at an end
             A.put(still, 3 * (at_rest + beside), xyz, xyz, factor)
-        equal = 6 * n + 3 * len(at_rest)
+        given = np.zeros((0, 3)) if self.start is None else np.array([self.start[0], self.dt * self.start[1]])
+        begins = 6 * n + 3 * len(at_rest) + 3 * np.arange(len(given))
+        for column, *factors in ((0, 1.0, -1.5), (3, 0.0, 2.0), (6, 0.0, -0.5)):  # the first acceleration is the second
+            for first, weight in zip(begins, factors, strict=False):
+                A.put(np.array([first]), np.array([column]), xyz, xyz, weight)
+        # L[k] - L[k-1] = dt (L_dot[k-1] + L_dot[k]) / 2
+        sums = 6 * n + 3 * len(at_rest) + 3 * len(given) + 3 * np.arange(T // 3)
+        for rows, columns, factor in (
+            (sums, turning + 3 * np.arange(n), 1.0), (sums[1:], turning + 3 * np.arange(n - 1), -1.0),
+            (sums[1:], low[1:], -0.5 * self.dt), (sums[1:], low[:-1], -0.5 * self.dt),
+        ):  # fmt: skip
+            A.put(rows, columns[: len(rows)], xyz, xyz, factor)
+        equal = 6 * n + 3 * len(at_rest) + given.size + T
+        L = np.zeros(T)
+        if self.start is not None:
+            L[:3] = self.start[2][: min(T, 3)] / unit
         G, h = (np.zeros((0, 2 * S)), np.zeros(0)) if self.bounds is None else self.bounds
         A.block(np.array([equal]), np.array([shift]), -G[None])
         rows, numbers = equal + len(h) + np.arange(len(times)), self._numbers()[times]
@@ -197,10 +222,10 @@ class CentroidProgram(Displayed):
         else:
             A.block(cone, force, -self._cones(self.normals[k, i]))
 
-        R, t = self._wanted(k, i, force, shift)
-        M = A.matrix(equal + m + 3 * E, over + len(times))
+        R, t = self._wanted(k, i, force, shift, T)
+        M = A.matrix(equal + m + 3 * E, turning + T)
         cones = [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E]
-        side = np.concatenate([b, np.zeros(3 * len(at_rest)), -h, most, np.zeros(len(times) + 3 * E)])
+        side = np.concatenate([b, np.zeros(3 * len(at_rest)), given.ravel(), L, -h, most, np.zeros(len(times) + 3 * E)])
         P, g = csc_matrix(triu(R.T @ R)), -(R.T @ t)
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100
@@ -217,7 +242,8 @@ class CentroidProgram(Displayed):
         f = np.zeros((n, self.points.shape[1], 3))
         f[k, i] = unit * x[6 * n : shift].reshape(E, 3)
         plan = CentroidPlan(
-            x[: 3 * n].reshape(n, 3), unit * x[3 * n : 6 * n].reshape(n, 3), f, x[shift:over].reshape(S, 2), status, np.inf
+            x[: 3 * n].reshape(n, 3), unit * x[3 * n : 6 * n].reshape(n, 3), f, x[shift:over].reshape(S, 2), status,
+            float(found.obj_val + 0.5 * t @ t), np.inf,
         )
         return replace(plan, residual=self._residual(plan))
 
@@ -258,7 +284,7 @@ class CentroidProgram(Displayed):
         before, at, after = _around(len(com))
         return np.asarray((com[before] - 2.0 * com[at] + com[after]) / self.dt**2)
 
-    def _wanted(self, k: Array, i: Array, force: Array, shift: int) -> tuple[Any, Array]:
+    def _wanted(self, k: Array, i: Array, force: Array, shift: int, T: int) -> tuple[Any, Array]:
         """(R, t) of the cost |R x - t|^2 / 2."""
         n, E, S, w, dt = len(self.com), len(k), self.stances, self.costs, self.dt
         share = np.sqrt(60.0 * dt)  # a sum over times, as an integral over time
@@ -292,10 +318,12 @@ class CentroidProgram(Displayed):
             row += 2 * S
         excesses = len(self._limits()[0])
         R.put(row + np.arange(excesses), shift + 2 * S + np.arange(excesses), [0], [0], share / w.excess)
-        out = np.zeros(row + excesses)
+        row, turning = row + excesses, shift + 2 * S + excesses
+        R.put(row + 3 * np.arange(T // 3), turning + 3 * np.arange(T // 3), xyz, xyz, share / w.turning)
+        out = np.zeros(row + T)
         known = np.concatenate(t)
         out[: len(known)] = known
-        return R.matrix(row + excesses, shift + 2 * S + excesses), out
+        return R.matrix(row + T, turning + T), out
 
     def _residual(self, plan: CentroidPlan) -> float:
         places = self._places(plan.shifts)

@@ -13,6 +13,10 @@ from rbd.control.task_terms import Reference, Task, TaskTerms
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.torques import inverse_dynamics_many
 from rbd.control.tracking import TrackingController
+from rbd.control.walking.footsteps import Footstep
+from rbd.control.walking.gaits import Gait
+from rbd.control.walking.plan import WalkPlan
+from rbd.control.walking.walk import Walk
 from rbd.control.whole_body import ControlLog, WholeBodyController
 from rbd.control.whole_body_step import step
 from rbd.modules import submodule as _submodule
@@ -23,8 +27,10 @@ __all__ = [
     "ContactSchedule",
     "ContactTouch",
     "ControlLog",
+    "Footstep",
     "ForceTask",
     "FrameTask",
+    "Gait",
     "HoldPosture",
     "Limits",
     "MomentumTask",
@@ -40,6 +46,8 @@ __all__ = [
     "TorqueSchedule",
     "TrackingController",
     "Violation",
+    "Walk",
+    "WalkPlan",
     "WholeBodyController",
     "ZeroOrderHold",
     "follow",

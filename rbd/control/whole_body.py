@@ -185,6 +185,21 @@ class WholeBodyController(Displayed):
         return self._memory[0].log
 
     @property
+    def planned(self) -> ContactSchedule:
+        """The schedule, or what `reschedule` put in its place."""
+        return self._memory[0].watch.schedule
+
+    def reschedule(self, schedule: ContactSchedule) -> None:
+        """From the next step of control on, until a reset, contacts are wanted at other times.
+
+        Raises:
+            InputError: as of the class.
+            UnknownName: as of the class.
+        """
+        _check_contacts(self.contacts, schedule, self.tasks)
+        self._memory[0].watch.schedule = schedule
+
+    @property
     def actuation(self) -> TaskActuation:
         """The last step of control: torques, forces, what each task missed.
 
@@ -273,7 +288,7 @@ class WholeBodyController(Displayed):
         """Torques for the contacts that are counted on."""
         own = with_loops(told.state.robot, self.contacts, self.loops)[len(self.contacts) :]
         whole: list[Any] = [c for c in self.contacts if c.name in seen.since]
-        parts = {c.name: which for c in whole if (which := self.schedule.part(c.name, told.t)) is not None}
+        parts = {c.name: which for c in whole if (which := self.planned.part(c.name, told.t)) is not None}
         acting = [at_corners(c, parts[c.name]) if c.name in parts else c for c in whole]
         acting += [c for c in own if c.name not in told.inactive]
         frames, turning = frames_of(acting, seen.since), frames_of(acting, parts)
@@ -314,7 +329,7 @@ class WholeBodyController(Displayed):
 
     def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:
         """{contact: its normal force when its fade out began [N]}, of those whose force falls."""
-        memory, schedule = self._memory[0], self.schedule
+        memory, schedule = self._memory[0], self.planned
         falls = [name for name in seen.since if schedule.fade_out(name, t) < 1.0]
         before = memory.actuation
         for name in falls:

@@ -134,3 +134,32 @@ def test_cones_about_the_normals_of_slopes():
     )
     plain = CentroidProgram(**(vars(level) | {"normals": None}))
     np.testing.assert_allclose(solved(level).com, solved(plain).com, atol=1e-5)
+
+
+def test_a_start_is_kept() -> None:
+    """Centre of mass, velocity and angular momentum at the first time are as given; it comes to rest over its foot."""
+    at_0, v, L = np.array([0.0, 0.0, 0.5]), np.array([0.2, -0.05, 0.0]), np.array([0.3, -0.4, 0.1])
+    base = program(at(0.0), costs=CentroidCosts(turning=1e-3))
+    plan = solved(CentroidProgram(**(vars(base) | {"rests": (False, True), "start": (at_0, v, L)})))
+    c = plan.com
+    assert c[0] == pytest.approx(at_0, abs=1e-6)
+    assert (-1.5 * c[0] + 2.0 * c[1] - 0.5 * c[2]) / DT == pytest.approx(v, abs=1e-4)
+    assert c[-1] == pytest.approx(c[-2], abs=1e-5)
+    x = c[0, 0] + v[0] * np.sqrt(0.5 / G)  # the capture point: where a centre of pressure would stop it
+    assert x > 0.04 and c[:, 0].max() < 0.1
+    momentum = L + np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * DT * (plan.moment[1:] + plan.moment[:-1]), axis=0)])
+    assert np.abs(momentum[-1]).max() < 0.1 * np.abs(L).max()  # what turns is brought to rest
+
+
+def test_a_turn_that_costs_is_small() -> None:
+    """Beyond the edge for a while: with free angular momentum it is used, where it costs the centre of mass moves instead."""
+    t = DT * np.arange(N)
+    com = at(0.0)
+    com[:, 0] = 0.2 * np.sin(2.0 * np.pi * t / t[-1])
+    sizes = []
+    for turning in (np.inf, 1e-4):
+        costs = CentroidCosts(momentum=1.0, com=5e-3, acceleration=1e2, jerk=1e4, turning=turning)
+        base = program(com, costs=costs)
+        plan = solved(CentroidProgram(**(vars(base) | {"start": (com[0], np.zeros(3), np.zeros(3))})))
+        sizes.append(np.abs(np.cumsum(DT * plan.moment, axis=0)).max())
+    assert sizes[1] < 0.1 * sizes[0]

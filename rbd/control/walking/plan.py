@@ -1,0 +1,399 @@
+"""`WalkPlan`: footsteps, and a motion of the centre of mass over them with forces within friction cones at all times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.interpolate import CubicSpline
+
+from rbd.arrays import Array, lazy
+from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
+from rbd.control.contact_schedule import ContactSchedule, Interval
+from rbd.control.schedules import INSTANT
+from rbd.control.task_terms import Reference
+from rbd.control.walking.footsteps import Floor, Footstep
+from rbd.control.walking.swings import Swing, smooth
+from rbd.displayed import Displayed
+from rbd.errors import NoSolution
+from rbd.model.checked_model import CheckedModel
+
+INNER = 0.75
+"""Forces of the plan act at the corners of soles made smaller by this."""
+FRICTION_SHARE = 0.8
+"""Share of the friction that the plan uses."""
+EVERY, COARSE = 0.1, 0.2
+"""Time between two of the plan's times [sqrt(h / g)]; of one that is made on the way."""
+PASSES, AGREED = 8, 1e-5
+"""How often moments are linearised again, at most; and the residual at which they are not."""
+TURNING = 3e-3
+"""Size of the angular momentum that costs as much as 5 cm of the centre of mass, over the weight and sqrt(h / g) [m]."""
+BESIDE = 0.01
+"""Feet pass beside edges at this distance [m]."""
+WAYS = (
+    ((0.0, 0.9), (0.5, 0.5)),
+    ((0.1, 0.9), (0.45, 0.55)),
+    ((0.2, 0.85), (0.45, 0.6)),
+    ((0.2, 0.8), (0.4, 0.65)),
+    ((0.3, 0.75), (0.4, 0.65)),
+)
+"""When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
+SAG = 0.06
+"""On terrain it walks lower by this, over h: legs reach farther."""
+SHIFT = 0.3
+"""Size of a shift of a foothold, over h, of the same cost where the foot stands for a quarter of a second."""
+AHEAD, REST = 7.0, 3.0
+"""A plan that is made on the way has the steps that begin so soon; after the last one it comes to rest for so long
+[sqrt(h / g)]."""
+FORWARD, OUTWARD, INWARD = 0.6, 0.45, 0.3
+"""Feet come apart from where they stand by at most so much, over h; two feet nearer by this share of their distance."""
+SOONEST = 0.5
+"""Nearer before its landing a foothold is not changed, and a foot is not put down sooner [sqrt(h / g)]."""
+FASTEST = 0.8
+"""Speed at which a foot in the air is put elsewhere, over sqrt(g h)."""
+
+
+@dataclass(frozen=True, eq=False)
+class WalkPlan(Displayed):
+    """Footsteps, and the centre of mass over them.
+
+    Attributes:
+        robot: Whose plan it is.
+        swings: {foot: its ways through the air, in order}.
+        poses: {foot: pose of its contact's centre at the start}.
+        t: Times, shape (n,) [s].
+        centroid: Centre of mass, rate of angular momentum and forces at these times.
+        yaw: Heading at the start [rad].
+        fade: Forces of feet rise and fall within this time [s].
+        until: From when on it knows no more steps though there are [s]; infinite where it has all.
+    """
+
+    robot: CheckedModel
+    swings: Mapping[str, tuple[Swing, ...]]
+    poses: Mapping[str, pin.SE3]
+    t: Array
+    centroid: CentroidPlan
+    yaw: float
+    fade: float
+    until: float = math.inf
+
+    @property
+    def footsteps(self) -> tuple[Footstep, ...]:
+        """Where and when feet are put down, in order of their landing."""
+        found = [Footstep(foot, s.end, s.start, s.landing) for foot, own in self.swings.items() for s in own]
+        return tuple(sorted(found, key=lambda step: (step.end, step.foot)))
+
+    @property
+    def duration(self) -> float:
+        """When it has come to rest [s]."""
+        return float(self.t[-1])
+
+    @lazy
+    def schedule(self) -> ContactSchedule:
+        """When which foot carries."""
+        times = dict[str, list[Interval]]()
+        for foot, own in self.swings.items():
+            lands, lifted = [-math.inf, *(s.landing for s in own)], [*(s.start for s in own), math.inf]
+            times[foot] = list(zip(lands, lifted, strict=True))
+        return ContactSchedule(times, fade=self.fade, flight=True)
+
+    @lazy
+    def _com(self) -> CubicSpline:
+        return CubicSpline(self.t, self.centroid.com)
+
+    @lazy
+    def _moment(self) -> CubicSpline:
+        return CubicSpline(self.t, self.centroid.moment)
+
+    @lazy
+    def _momentum(self) -> Any:
+        return self._moment.antiderivative()
+
+    def com(self, t: float) -> Reference:
+        """Centre of mass, its velocity and acceleration."""
+        within = min(max(t, float(self.t[0])), self.duration)
+        p, v, a = (self._com(within, i) for i in range(3))
+        return Reference(p, v, a) if within == t else Reference(p, np.zeros(3), np.zeros(3))
+
+    def momentum(self, t: float) -> Reference:
+        """Momentum about the centre of mass, and its rate: the angular one; the linear one is left to `com`."""
+        within = min(max(t, float(self.t[0])), self.duration)
+        L, rate = np.zeros(6), np.zeros(6)
+        if within == t:
+            L[3:], rate[3:] = self.centroid.start + self._momentum(within), self._moment(within)
+        return Reference(L, rate)
+
+    def swing(self, foot: str, t: float) -> Swing | None:
+        """The last way through the air that has begun, else the first; None of a foot that stays."""
+        own = self.swings[foot]
+        return next((s for s in reversed(own) if s.start <= t), own[0] if own else None)
+
+    def placed(self, foot: str, t: float) -> pin.SE3:
+        """Where a foot is, or on its way."""
+        s = self.swing(foot, t)
+        return self.poses[foot] if s is None else s.at(min(max(t, s.start), s.landing))[0]
+
+    def heading(self, floor: Floor, t: float) -> float:
+        """Mean heading of the soles [rad]; of points, from their places."""
+        soles = [f for f, contact in floor.feet.items() if len(contact.corners) > 1]
+        if soles:
+            turns = [self.placed(f, t).rotation @ self.poses[f].rotation.T for f in soles]
+            return self.yaw + float(np.mean([math.atan2(R[1, 0], R[0, 0]) for R in turns]))
+        now = [self.placed(f, t) for f in self.poses]
+        a, b = (np.array([X.translation[:2] for X in each]) for each in (self.poses.values(), now))
+        a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+        return self.yaw + math.atan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Planner:
+    """What plans of a walk have in common.
+
+    Attributes:
+        robot: Whose walk it is.
+        floor: What is walked on.
+        poses: {foot: pose of its contact's centre at the start}.
+        com: The centre of mass at the start [m].
+        yaw: Heading at the start [rad].
+        h: Height of the centre of mass over the feet [m].
+        unit: sqrt(h / g) [s].
+        friction: Coulomb's coefficient.
+        lift: Height of feet over what is below them [m].
+        fade: See `WalkPlan`.
+    """
+
+    robot: CheckedModel
+    floor: Floor
+    poses: Mapping[str, pin.SE3]
+    com: Array
+    yaw: float
+    h: float
+    unit: float
+    friction: float
+    lift: float
+    fade: float
+
+    def over(self, steps: Sequence[Footstep], at: float = 0.0) -> WalkPlan:
+        """A plan over footsteps, from rest to rest."""
+        swings: dict[str, list[Swing]] = {foot: [] for foot in self.poses}
+        for step in sorted(steps, key=lambda step: step.start):
+            begin = swings[step.foot][-1].end if swings[step.foot] else self.poses[step.foot]
+            swings[step.foot].append(self.way(step.foot, begin, step.pose, step.start, step.end - step.start))
+        end = max((s.end for s in steps), default=at) + REST * self.unit
+        ready = {foot: tuple(own) for foot, own in swings.items()}
+        return self.plan(ready, at, end, (self.com, np.zeros(3), np.zeros(3)), EVERY, {})[0]
+
+    def way(self, foot: str, begin: pin.SE3, end: pin.SE3, start: float, T: float) -> Swing:
+        """From one foothold to the next, over what lies between."""
+        a, b = begin.translation, end.translation
+        out = Swing(begin, end, start, T, max(a[2], b[2]) + self.lift)
+        if not self.floor.uneven:
+            return out
+        share = np.linspace(0.0, 1.0, 41)
+        corners = np.asarray(self.floor.feet[foot].corners) @ begin.rotation.T
+        corners = corners + BESIDE * np.sign(corners) * [1.0, 1.0, 0.0]
+        tops = np.array([max(self.floor.top(*(a + s * (b - a) + c)[:2]) for c in corners) for s in share])
+        tops[[0, -1]] = -math.inf
+        out = replace(out, top=max(out.top, tops.max() + self.lift))
+        for forward, high in WAYS:
+            out = replace(out, forward=forward, high=high)
+            u = start + T * share
+            z = np.array([out.at(x)[0].translation[2] for x in u])
+            s = np.array([smooth(x - start - forward[0] * T, (forward[1] - forward[0]) * T)[0] for x in u])
+            if (z > np.interp(s, share, tops) - 1e-3)[(s > 0.0) & (s < 1.0)].all():
+                break
+        return out
+
+    def plan(
+        self,
+        swings: Mapping[str, tuple[Swing, ...]],
+        begin: float,
+        end: float,
+        start: tuple[Array, Array, Array],
+        every: float,
+        shifts: Mapping[tuple[str, int], float],
+        about: CentroidPlan | None = None,
+    ) -> tuple[WalkPlan, dict[tuple[str, int], Array]]:
+        """(plan, by how far footholds are shifted) between two times.
+
+        Args:
+            swings: {foot: its ways through the air}.
+            begin: First time [s].
+            end: Last time [s].
+            start: Centre of mass, its velocity, and angular momentum at the first time.
+            every: Time between two of its times [sqrt(h / g)].
+            shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
+            about: Where moments are linearised first.
+        """
+        t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
+        draft = WalkPlan(self.robot, swings, self.poses, t, None, self.yaw, self.fade)  # type: ignore[arg-type]
+        number = {key: i for i, key in enumerate(shifts)}
+        points, touches, stance = [], [], []
+        for foot, contact in self.floor.feet.items():
+            corners, own = np.asarray(contact.corners), swings[foot]
+            inner = corners.mean(axis=0) + INNER * (corners - corners.mean(axis=0))
+            points.append(np.array([[draft.placed(foot, x).act(p) for p in inner] for x in t]))
+            begun = np.searchsorted([s.start + INSTANT for s in own], t)
+            landed = np.searchsorted([s.landing - INSTANT for s in own], t)
+            on = begun <= landed
+            which = np.array([number.get((foot, k - 1), -1) for k in landed])
+            touches.append(np.repeat(on[:, None], len(inner), axis=1))
+            stance.append(np.repeat(np.where(on, which, -1)[:, None], len(inner), axis=1))
+        program = CentroidProgram(
+            float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1),
+            np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft), np.zeros((len(t), 3)),
+            np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts), (False, True), start=start,
+            costs=CentroidCosts(turning=TURNING * self.unit, shift=SHIFT * self.h),
+        )  # fmt: skip
+        found = program.solve(about)
+        for _ in range(PASSES):
+            if found.residual < AGREED:
+                break
+            found = program.solve(found)
+        moved = {key: found.shifts[i] for key, i in number.items()}
+        return replace(draft, centroid=replace(found, start=start[2])), moved
+
+    def _reference(self, draft: WalkPlan) -> Array:
+        """Over the middle of the feet, at the height at which it stands."""
+        t, middle = draft.t, []
+        for foot in self.poses:
+            places = np.array([draft.placed(foot, x).translation for x in t])
+            for k, x in enumerate(t):  # of the footholds, not of the foot in the air
+                way = draft.swing(foot, x)
+                if way is not None:
+                    a, b = way.begin.translation[2], way.end.translation[2]
+                    places[k, 2] = a + smooth(x - way.start, way.T)[0] * (b - a)
+            middle.append(places)
+        place, feet = np.mean(middle, axis=0), np.mean([X.translation for X in self.poses.values()], axis=0)
+        turned = np.array([draft.heading(self.floor, x) for x in t]) - self.yaw
+        (x, y, z), c, s = self.com - feet, np.cos(turned), np.sin(turned)
+        low = SAG * self.h if self.floor.uneven else 0.0
+        begins = np.array([smooth(each, REST * self.unit)[0] for each in t])
+        return np.asarray(place + np.column_stack([c * x - s * y, s * x + c * y, z - low * begins]))
+
+    def _bounds(self, draft: WalkPlan, shifts: Mapping[tuple[str, int], float]) -> tuple[Array, Array] | None:
+        """(G, h), G d >= h: how far footholds may be shifted, and how near and how far feet may come to each other."""
+        if not shifts:
+            return None
+        rows, least, number = list[Array](), list[float](), {key: i for i, key in enumerate(shifts)}
+
+        def add(of: Mapping[tuple[str, int], Array], bound: float) -> None:
+            row = np.zeros((len(shifts), 2))
+            for key, way in of.items():
+                if key in number:
+                    row[number[key]] += way
+            if row.any():
+                rows.append(row.ravel())
+                least.append(bound)
+
+        for key, far in shifts.items():
+            for way in np.vstack([np.eye(2), -np.eye(2)]):
+                add({key: way}, -far)
+        two, stood = len(self.poses) == 2, {f: X.translation for f, X in self.poses.items()}
+        for one, other in combinations(self.poses, 2):
+            own, others = ([(k - 1, *each) for k, each in enumerate(self._stays(draft, f))] for f in (one, other))
+            for i, X, first, last in own:
+                for j, Y, begins, ends in others:
+                    if max(first, begins) > min(last, ends) + 0.5 * self.unit:
+                        continue
+                    turn = draft.heading(self.floor, max(first, begins, draft.t[0])) - self.yaw
+                    R = pin.rpy.rpyToMatrix(0.0, 0.0, turn)[:2, :2]
+                    want = R @ (stood[one] - stood[other])[:2]
+                    body = R @ pin.rpy.rpyToMatrix(0.0, 0.0, self.yaw)[:2, :2]
+                    off = (X - Y)[:2] - want
+                    for axis, most, aside in zip(body.T, (FORWARD, OUTWARD), (False, two), strict=True):
+                        apart = float(axis @ want)
+                        for sign in (1.0, -1.0):
+                            inward = aside and sign * apart > 0.0
+                            bound = INWARD * abs(apart) if inward else most * self.h
+                            add({(one, i): sign * axis, (other, j): -sign * axis}, min(-bound - sign * float(axis @ off), 0.0))
+        return np.array(rows), np.array(least)
+
+    def _stays(self, draft: WalkPlan, foot: str) -> list[tuple[Array, float, float]]:
+        """(place, first time, last time) of each stay of a foot on the ground."""
+        own = draft.swings[foot]
+        places = [self.poses[foot], *(s.end for s in own)]
+        first, last = [-math.inf, *(s.landing for s in own)], [*(s.start for s in own), math.inf]
+        return [(X.translation, a, b) for X, a, b in zip(places, first, last, strict=True)]
+
+    def again(self, plan: WalkPlan, t: float, com: Array, v: Array, L: Array, hurry: bool) -> WalkPlan:
+        """A plan from a state on the way: footholds that are still to come are shifted as balance needs.
+
+        Args:
+            plan: The one before.
+            t: Time [s].
+            com: Centre of mass.
+            v: Its velocity.
+            L: Angular momentum.
+            hurry: Whether feet may be put down, or lifted, sooner.
+
+        Raises:
+            NoSolution: there is none.
+        """
+        found = list[tuple[float, WalkPlan]]()
+        for by in self._sooner(plan, t) if hurry else (0.0,):
+            try:
+                each = self._again(sooner(plan, t, by), t, (com, v, L))
+            except NoSolution as error:
+                if not (found or by):
+                    failed = error
+                continue
+            found.append((each.centroid.cost, each))
+        if not found:
+            raise failed
+        return min(found, key=lambda one: one[0])[1]
+
+    def _sooner(self, plan: WalkPlan, t: float) -> list[float]:
+        """By how much sooner feet may be put down that are in the air; where none is, the next be lifted [s]."""
+        swings = [s for own in plan.swings.values() for s in own]
+        left = min((s.landing - t for s in swings if s.start < t < s.landing), default=0.0)
+        if left > 0.0:
+            least = SOONEST * self.unit
+            return [0.0, *(by for by in ((1.0 - share) * (left - least) for share in (0.6, 0.2)) if by > 1e-3)]
+        wait = min((s.start - t for s in swings if s.start >= t), default=0.0)
+        return [0.0, *(share * wait for share in (0.5, 1.0) if wait > 0.1 * self.unit)]
+
+    def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array]) -> WalkPlan:
+        ahead, shifts = t + AHEAD * self.unit, dict[tuple[str, int], float]()
+        some, beyond = dict[str, tuple[Swing, ...]](), False
+        for foot, own in plan.swings.items():
+            some[foot] = tuple(s for s in own if s.start < ahead)
+            beyond |= len(some[foot]) < len(own)
+            for k, s in enumerate(some[foot]):
+                left = s.landing - max(t, s.start)
+                if left > SOONEST * self.unit:
+                    shifts[foot, k] = FASTEST * self.h / self.unit * (left - 0.8 * SOONEST * self.unit)
+        end = max([t, *(s.landing for own in some.values() for s in own)]) + REST * self.unit
+        found, moved = self.plan(some, t, end, start, COARSE, shifts)
+        swings = dict[str, tuple[Swing, ...]]()
+        later = np.mean(list(moved.values()), axis=0) if moved and not self.floor.uneven else np.zeros(2)
+        for foot, own in plan.swings.items():
+            out = list[Swing]()
+            for k, s in enumerate(own):
+                d = moved.get((foot, k), later if s.start >= ahead else np.zeros(2))
+                X = self.floor.shifted(foot, s.end, d)
+                if out and out[-1] is not own[k - 1]:
+                    s = self.way(foot, out[-1].end, X, s.start, s.T)
+                elif np.abs(d).max() > 1e-4:
+                    s = s.redirected(t, X, s.landing)
+                out.append(s)
+            swings[foot] = tuple(out)
+        return replace(found, swings=swings, until=t + 0.5 * AHEAD * self.unit if beyond else math.inf)
+
+
+def sooner(plan: WalkPlan, t: float, by: float) -> WalkPlan:
+    """The same footholds, from a time on all sooner: feet in the air land sooner, later ones are lifted and land sooner."""
+    if not by:
+        return plan
+    out = dict[str, tuple[Swing, ...]]()
+    for foot, own in plan.swings.items():
+        out[foot] = tuple(
+            s if s.landing <= t else s.redirected(t, s.end, s.landing - by) if s.start < t else replace(s, start=s.start - by)
+            for s in own
+        )
+    return replace(plan, swings=out)

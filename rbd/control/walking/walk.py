@@ -1,0 +1,335 @@
+"""`Walk`: a controller that walks, with footsteps, timing and motion of the centre of mass of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, as_finite, check_flag, check_number, check_whole
+from rbd.constraints.contact import Contact
+from rbd.constraints.surface import On, plane_of
+from rbd.constraints.terrain.terrain import Terrain
+from rbd.control.force_tasks import MomentumTask
+from rbd.control.schedules import AcceptedStep, check_model
+from rbd.control.task_terms import Reference, Task
+from rbd.control.tasks import ComTask, FrameTask, PostureTask
+from rbd.control.walking.footsteps import FLAT, Floor, Footstep, footsteps
+from rbd.control.walking.gaits import Gait, gait_of, roles_of
+from rbd.control.walking.plan import Planner, WalkPlan
+from rbd.control.whole_body import ControlLog, WholeBodyController
+from rbd.displayed import Displayed
+from rbd.errors import CannotReach, InputError, NoSolution
+from rbd.errors.inputs import check_kind, check_known, listed_items
+from rbd.mechanism.pose_search import find_pose
+from rbd.model.state import State
+from rbd.problem.ground import Ground
+from rbd.robots.robot import Robot
+
+OFF, FAR = 0.02, 0.04
+"""A capture point that is so far off the plan's, over h, makes a new plan; one that may also hurry feet ..."""
+AGAIN = 0.25
+"""... but not more often than every [sqrt(h / g)]."""
+STARTS = 3.0
+"""When the first foot is lifted [sqrt(h / g)]."""
+RISE = 0.18
+"""A foot is put at most so much higher or lower than the others, over h."""
+REACHED = 2e-3
+"""A footstep is out of reach where feet or the centre of mass are off by more in every pose [m]."""
+LONGEST, TURNS = 2.0, 0.5
+"""The body moves in one swing by at most so many strides of its gait, and turns by this [rad]."""
+
+
+class Walk(Displayed):
+    """A controller of `rbd.simulate` that walks: footsteps, their times, the centre of mass over them, and feet in the air.
+
+    The plan has the feet put down by the gait in its order, each time where the standing robot has it, seen from a body that
+    moves with the velocity; over them the centroid's program (`rbd.centroid`) finds a motion of the centre of mass whose forces
+    are in the friction cones of the corners that stand, at all times, with the least angular momentum. A whole-body controller
+    follows it: centre of mass, angular momentum, base, feet in the air, posture.
+
+    With h the height of the centre of mass over the feet and c its place, x = c + sqrt(h / g) c' is the capture point. Where
+    it is off the plan's by more than 2 % of h, the rest of the walk is planned anew from there, at most every 0.25 sqrt(h / g):
+    footholds to come are shifted, as far as feet come and stay on their own side; where it is off by more than 4 %, feet are
+    put down or lifted sooner, if that costs less. So pushes are taken up by steps.
+
+    Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
+    the controller keeps as well as it can (`log`).
+
+    Args:
+        robot: The robot, with two or four feet.
+        steps: How many times a foot (of four: a group of the gait) is lifted; or `Footstep` records in any order.
+        velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait.
+        terrain: What it walks on: a plane, a height [m], or `rbd.Terrain`; a sole is put down where it rests wholly, at most
+            20 cm before or behind, and feet clear what lies between.
+        gait: "walk" of two feet; "crawl", "trot", "pace", "bound" of four; or a `Gait`. None: the first of these.
+        friction: Coulomb's coefficient of the contacts; the plan uses 80 % of it.
+        state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture.
+        model: The model with which it computes, of the same joints; None: the robot itself.
+        adapts: Whether it plans again on the way.
+
+    Attributes:
+        robot: The robot.
+        state: Where it starts.
+        contacts: Its feet.
+        gait: The gait.
+        plan: What it follows now, a `WalkPlan`.
+        plans: (time, plan) of those that were made on the way.
+
+    Raises:
+        InputError: velocities that are too fast, with the limit; a footstep without a place to stand on; one out of reach, with
+            the nearest place that is not; wrong kinds.
+        ModelError: a robot without feet.
+        CannotReach: it cannot stand on the ground where it starts.
+        NoSolution: there is no motion of the centre of mass over the footsteps.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> walk = rbd.control.Walk(solo, 2, gait="trot")
+        >>> run = rbd.simulate(walk.state, walk.contacts, duration=walk.duration, step=2e-3, controller=walk, progress=False)
+        >>> print(f"{run.com[-1, 0] - run.com[0, 0]:.3f} m, {walk.log.violations} violated steps")
+        0.044 m, 0 violated steps
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        steps: int | Sequence[Footstep] = 6,
+        velocity: Sequence[float] | Array | None = None,
+        *,
+        terrain: On = 0.0,
+        gait: str | Gait | None = None,
+        friction: float = 0.6,
+        state: State | None = None,
+        model: Robot | None = None,
+        adapts: bool = True,
+    ) -> None:
+        check_kind("the robot of Walk", robot, Robot, "a robot: rbd.load_robot(name)")
+        check_model("Walk", model)
+        check_flag("adapts of Walk", adapts)
+        check_number("friction of Walk", friction, 1e-3, 1e3, expected="a coefficient above 0")
+        on = terrain if isinstance(terrain, Terrain) else plane_of("Walk", terrain)
+        self.robot, self.contacts = robot, robot.feet(friction=friction, on=on)
+        if state is None:
+            state = standing_on(robot, on)
+        check_kind("state of Walk", state, State, "a State of its robot")
+        self.state = state.on(robot)
+        feet = {foot.name: foot for foot in self.contacts}
+        poses = contacts_at(self.state, self.contacts)
+        centres = np.array([X.translation for X in poses.values()])
+        self._base = robot.model.names[robot.bases[0]]
+        R = self.state.frame(self._base).X_WF.rotation
+        yaw = math.atan2(R[1, 0], R[0, 0])
+        h = float(self.state.com[2] - centres[:, 2].mean())
+        if not h > 0.0:
+            raise InputError(f"the centre of mass of {robot.name} is {h:.3g} m above its feet; expected it over them.")
+        unit = math.sqrt(h / float(np.linalg.norm(robot.gravity)))
+        self.gait = gait_of(gait, len(feet))
+        roles, floor = roles_of(self.state, self.contacts, centres), Floor(on, feet, RISE * h)
+        poses |= {name: floor.pose(name, X.translation, yaw) for name, X in poses.items() if len(feet[name].corners) == 1}
+        self._planner = Planner(
+            robot, floor, poses, self.state.com, yaw, h, unit, friction, self.gait.lift * h,
+            min(0.05, max(0.4 * self.gait.overlap * unit, 0.004)),
+        )  # fmt: skip
+        planned: Sequence[Footstep]
+        if isinstance(steps, int | np.integer):
+            n = check_whole("steps of Walk", int(steps), 10_000)
+            advance = self._advance(velocity)
+            planned = footsteps(floor, poses, roles, self.gait, n, advance, STARTS * unit, unit, yaw)
+        else:
+            planned = self._given(steps)
+        self._first = self._planner.over(planned)
+        self._check_reach()
+        self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
+        self._again = -math.inf
+        tasks: list[Task] = [
+            ComTask(self._com, cost=1000.0, gain=60.0),
+            MomentumTask(self._momentum, angular_cost=3.0, gain=5.0),
+            FrameTask(self._base, partial(self._turned, R), orientation_cost=10.0, gain=80.0),
+            PostureTask(self.state.q, cost=0.5, gain=40.0),
+        ]
+        for foot in self.contacts:
+            offset = foot.placement.act(foot.corners.mean(axis=0))
+            tasks.append(
+                FrameTask(
+                    foot.frame, partial(self._foot, foot), offset=offset, position_cost=1000.0, orientation_cost=200.0,
+                    gain=400.0, name=foot.name,
+                )
+            )  # fmt: skip
+        self._control = WholeBodyController(tasks, self.contacts, schedule=self.plan.schedule, robot=model)
+
+    @property
+    def duration(self) -> float:
+        """When the first plan has come to rest [s]."""
+        return self._first.duration
+
+    @property
+    def log(self) -> ControlLog:
+        """What it did since the start of the motion."""
+        return self._control.log
+
+    @property
+    def every(self) -> float | None:
+        """Time between two steps of control [s]; None: every step of the simulation is one."""
+        return self._control.every
+
+    def reset(self) -> None:
+        """Forget the motion until now."""
+        self.plan, self._again, self.plans = self._first, -math.inf, []
+        self._control.reset()
+
+    def accepted(self, step: AcceptedStep) -> None:
+        """A step begins: plan again where that is needed, and compute the torques that are held.
+
+        Raises:
+            InputError: a state of another robot than before.
+            NoSolution: no torques were found.
+        """
+        if self.adapts:
+            self._adapt(step.state, step.t)
+        self._control.accepted(step)
+
+    def __call__(self, state: State, t: float) -> Array:
+        """The torques that are held, shape (nu,) [N, N m].
+
+        Raises:
+            InputError: a state of another robot; or it was not told of a step.
+        """
+        return self._control(state, t)
+
+    def __str__(self) -> str:
+        plan, again = self._first, f"; planned {len(self.plans)} times more on the way" if self.plans else ""
+        return (
+            f"{self.robot.name} takes {len(plan.footsteps)} steps in {plan.duration:.2f} s, its centre of mass moves by "
+            f"{np.linalg.norm((plan.centroid.com[-1] - plan.centroid.com[0])[:2]):.3f} m{again}"
+        )
+
+    def _advance(self, velocity: Any) -> Array:
+        """How far the body moves forwards and aside, and turns, in one swing and overlap [m, rad]."""
+        gait, planner = self.gait, self._planner
+        period, stride = (gait.swing + gait.overlap) * planner.unit, gait.stride * planner.h
+        if velocity is None:
+            return np.array([stride, 0.0, 0.0])
+        v = as_finite("velocity of Walk", velocity, (3,))
+        most = np.array([LONGEST * stride, 0.5 * LONGEST * stride, TURNS]) / period
+        if (np.abs(v) > most * (1.0 + 1e-9)).any():
+            raise InputError(
+                f"velocity of Walk is {np.round(v, 4).tolist()}; expected at most {most[0]:.3g} m/s forwards or backwards, "
+                f"{most[1]:.3g} m/s aside and {most[2]:.3g} rad/s of {self.robot.name} in this gait, or a longer stride."
+            )
+        return v * period
+
+    def _given(self, steps: Any) -> list[Footstep]:
+        """Footsteps of a user, checked."""
+        out = listed_items("steps of Walk", steps, "a number, or a list of rbd.control.Footstep")
+        before: dict[str, float] = {}
+        for step in sorted(out, key=lambda one: getattr(one, "start", 0.0)):
+            check_kind("a step of Walk", step, Footstep, "rbd.control.Footstep(foot, pose, start, end)")
+            check_known("a step of Walk is of foot", step.foot, self._planner.poses)
+            if step.start < before.get(step.foot, 0.0):
+                raise InputError(
+                    f"{step.foot!r:.80} is to be lifted at {step.start:g} s; it stands from {before.get(step.foot, 0.0):g} s."
+                )
+            before[step.foot] = step.end
+            x, y, z = step.pose.translation
+            height, n = self._planner.floor.height(x, y)
+            off = (z - height) * float(n[2])
+            if abs(off) > 1e-3 or float(n @ step.pose.rotation[:, 2]) < 1.0 - FLAT:
+                raise InputError(
+                    f"the step of {step.foot!r:.80} to {np.round([x, y, z], 3).tolist()} is {1e3 * abs(off):.1f} mm "
+                    f"{'above' if off > 0 else 'inside'} the ground, or leans on it; expected z = {height:.4f} m, and its "
+                    f"axis z along {np.round(n, 3).tolist()}."
+                )
+        return out
+
+    def _check_reach(self) -> None:
+        """Refuse footsteps at whose beginning or end there is no pose with feet and centre of mass where they are planned."""
+        plan, near = self._first, self.state
+        for step in plan.footsteps:
+            for t in (step.start, step.end):
+                places = {foot.name: plan.placed(foot.name, t) for foot in self.contacts}
+                targets: dict[Any, Any] = {
+                    foot.name: places[foot.name] if len(foot.corners) > 1 else places[foot.name].translation
+                    for foot in self.contacts
+                }
+                try:
+                    near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
+                except CannotReach as error:
+                    worst = max((max(miss.distance, 0.1 * miss.angle) for miss in error.misses.values()), default=math.inf)
+                    if worst < REACHED:
+                        continue
+                    pose = near if error.q is None else State(self.robot, error.q)
+                    reached = contacts_at(pose, self.contacts)[step.foot].translation
+                    place = np.round(step.pose.translation, 3).tolist()
+                    raise InputError(
+                        f"the step of {step.foot!r:.80} to {place} m, {step.start:.2f} to {step.end:.2f} s, is out of reach: "
+                        f"at {t:.2f} s the nearest pose is {1e3 * worst:.0f} mm off, with this foot at "
+                        f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
+                    ) from error
+
+    def _adapt(self, state: State, t: float) -> None:
+        """Plan again where the capture point is off the plan's."""
+        unit, known = self._planner.unit, self.plan.com(t)
+        A_g, _, mass = state.centroidal()
+        momentum = A_g @ state.v
+        v = momentum[:3] / mass
+        off = (state.com - known.value) + unit * (v - known.velocity)
+        far = float(np.linalg.norm(off[:2])) / self._planner.h
+        if t < self._again or (far < OFF and t < self.plan.until):
+            return
+        self._again = t + AGAIN * unit
+        try:
+            self.plan = self._planner.again(self.plan, t, state.com, v, momentum[3:], far > FAR)
+        except NoSolution:  # the plan before goes on
+            return
+        self.plans.append((t, self.plan))
+        self._control.reschedule(self.plan.schedule)
+
+    def _com(self, t: float) -> Reference:
+        return self.plan.com(t)
+
+    def _momentum(self, t: float) -> Reference:
+        return self.plan.momentum(t)
+
+    def _turned(self, R: Array, t: float) -> Reference:
+        """How the base is turned: with the feet."""
+        floor, dt = self._planner.floor, 1e-3
+        before, turn, after = (self.plan.heading(floor, t + by) - self.plan.yaw for by in (-dt, 0.0, dt))
+        rate = np.array([0.0, 0.0, (after - before) / (2.0 * dt)])
+        return Reference(pin.rpy.rpyToMatrix(0.0, 0.0, turn) @ R, rate, np.zeros(3))
+
+    def _foot(self, foot: Contact, t: float) -> Reference:
+        """Where a foot in the air is to be; of a point its place alone."""
+        swing = self.plan.swing(foot.name, t)
+        X, v, a = (self.plan.poses[foot.name], np.zeros(6), np.zeros(6)) if swing is None else swing.at(t)
+        if len(foot.corners) == 1:
+            return Reference(X.translation, v[:3], a[:3])
+        return Reference(pin.SE3(X.rotation @ foot.placement.rotation.T, X.translation), v, a)
+
+
+def contacts_at(state: State, feet: Sequence[Contact]) -> dict[str, pin.SE3]:
+    """{foot: pose of the middle of its contact}."""
+    return {f.name: state.frame(f.frame).X_WF * f.placement * pin.SE3(np.eye(3), f.corners.mean(axis=0)) for f in feet}
+
+
+def standing_on(robot: Robot, on: Ground | Terrain) -> State:
+    """The standing posture on a plane or terrain, in place.
+
+    Raises:
+        CannotReach: the ground is too uneven there.
+    """
+    feet, state = robot.feet(friction=None), robot.standing()
+    floor, poses = Floor(on, {foot.name: foot for foot in feet}, math.inf), contacts_at(state, feet)
+    yaws = {name: math.atan2(X.rotation[1, 0], X.rotation[0, 0]) for name, X in poses.items()}
+    wanted = {name: floor.pose(name, X.translation, yaws[name]) for name, X in poses.items()}
+    rise = np.array([wanted[name].translation[2] - X.translation[2] for name, X in poses.items()])
+    if np.ptp(rise) < FLAT and all(X.rotation[2, 2] > 1.0 - FLAT**2 for X in wanted.values()):
+        q = state.q.copy()
+        q[2] += rise.mean()
+        return State(robot, q)
+    targets: dict[Any, Any] = {f.name: wanted[f.name] if len(f.corners) > 1 else wanted[f.name].translation for f in feet}
+    return find_pose(robot, targets, posture=state, com=state.com + [0.0, 0.0, rise.mean()]).state

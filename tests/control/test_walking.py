@@ -1,0 +1,255 @@
+"""Walking: gaits and ways of feet, plans, robots of two and four feet, slopes and stairs, pushes, and what is refused."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.control import Footstep, Gait, Push, Walk, WalkPlan
+from rbd.control.walking.gaits import GAITS
+from rbd.control.walking.swings import Swing, bump, smooth, to_rest
+from rbd.errors import InputError, ModelError, UnknownName
+
+FRICTION, STEP = 0.6, 2e-3
+
+
+def walked(walk: Walk, **given: object) -> rbd.Trajectory:
+    """The motion of a walk."""
+    return rbd.simulate(walk.state, walk.contacts, duration=walk.duration, step=STEP, controller=walk, progress=False, **given)  # type: ignore[arg-type]
+
+
+def check(walk: Walk, run: rbd.Trajectory, place: float = 1e-3) -> None:
+    """It stands at the end as planned: no violated step, feet and centre of mass where they are to be, torques in limits."""
+    end = run.state(-1)
+    assert walk.log.violations == 0 and walk.log.residual.max() < 1e-9
+    assert (np.abs(run.tau) <= walk.robot.effort_limit * (1.0 + 1e-9)).all()
+    for foot in walk.contacts:
+        X = end.frame(foot.frame, foot.placement.act(foot.corners.mean(axis=0))).X_WF
+        assert X.translation == pytest.approx(walk.plan.placed(foot.name, 1e3).translation, abs=place)
+    assert end.com == pytest.approx(walk.plan.centroid.com[-1], abs=5e-3)
+    assert np.abs(end.v).max() < 0.05
+
+
+@pytest.fixture(scope="module")
+def solo() -> rbd.Robot:
+    return rbd.load_robot("solo12")
+
+
+@pytest.fixture(scope="module")
+def talos() -> rbd.Robot:
+    return rbd.load_robot("talos")
+
+
+@pytest.fixture(scope="module")
+def g1() -> rbd.Robot:
+    return rbd.load_robot("g1")
+
+
+def test_a_foot_moves_smoothly() -> None:
+    """Velocity and acceleration of its way are the differences of its places, also where it is sent elsewhere."""
+    begin, end = pin.SE3.Identity(), pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.2, 0.05, 0.02]))
+    way = Swing(begin, end, 1.0, 0.6, 0.07)
+    other = way.redirected(1.25, pin.SE3(end.rotation, end.translation + [0.1, -0.1, 0.0]), 1.5)
+    for some, times in ((way, np.linspace(1.05, 1.55, 9)), (other, np.linspace(1.3, 1.45, 5))):
+        for t in times:
+            (_, v0, _), (X, v, a), (_, v1, _) = (some.at(x) for x in (t - 1e-5, t, t + 1e-5))
+            before, after = some.at(t - 1e-5)[0], some.at(t + 1e-5)[0]
+            assert (after.translation - before.translation) / 2e-5 == pytest.approx(v[:3], abs=1e-5)
+            assert (v1 - v0)[:3] / 2e-5 == pytest.approx(a[:3], abs=1e-3)
+            assert pin.log3(after.rotation @ before.rotation.T) / 2e-5 == pytest.approx(v[3:], abs=1e-5)
+    for old, new in zip(way.at(1.25), other.at(1.25), strict=True):
+        if isinstance(old, pin.SE3):
+            assert old.isApprox(new, 1e-12)
+        else:
+            assert new[:3] == pytest.approx(old[:3], abs=1e-9)
+    X, v, _ = other.at(1.5)
+    assert X.isApprox(other.end, 1e-9) and v == pytest.approx(np.zeros(6), abs=1e-9)
+    assert smooth(0.3, 0.6) == pytest.approx([0.5, 30 / 16 / 0.6, 0.0]) and bump(0.3, 0.6)[:2] == pytest.approx([1.0, 0.0])
+    ended = to_rest(2.0, 1.0, np.array([0.3]), np.array([1.0]), np.array([0.0]))
+    assert ended.ravel() == pytest.approx([0.3, 0.0, 0.0])
+
+
+def test_feet_clear_the_stairs(talos: rbd.Robot) -> None:
+    """Corners of feet in the air are over the treads below them, measured anew along the whole way."""
+    stairs = rbd.Terrain.stairs(0.1, 0.3, 3, start=(talos.standing().com[0] + 0.25, 0, 0), down=True)
+    walk = Walk(talos, 12, terrain=stairs)
+    corners = {foot.name: np.asarray(foot.corners) for foot in walk.contacts}
+    lowest = []
+    for foot, ways in walk.plan.swings.items():
+        for way in ways:
+            for t in np.linspace(way.start + 0.02 * way.T, way.landing - 0.02 * way.T, 60):
+                X = way.at(t)[0]
+                points = corners[foot] @ X.rotation.T + X.translation
+                high = [stairs.ground_at(x, y).point[2] for x, y, _ in points]
+                lowest.append((points[:, 2] - high).min())
+    assert min(lowest) > -1e-3
+    for step in walk.plan.footsteps:  # whole soles
+        points = corners[step.foot] @ step.pose.rotation.T + step.pose.translation
+        assert np.ptp([stairs.ground_at(x, y).point[2] for x, y, _ in points]) < 1e-9
+    assert walk.plan.footsteps[-1].pose.translation[2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_plan_is_a_motion(solo: rbd.Robot) -> None:
+    """Forces are in their cones, zero in the air, and accelerate the planned centre of mass; it begins and ends at rest."""
+    plan = Walk(solo, 4, gait="trot", friction=FRICTION).plan
+    found, dt = plan.centroid, float(plan.t[1] - plan.t[0])
+    f, m, g = found.forces, solo.mass, solo.gravity
+    assert (np.hypot(f[..., 0], f[..., 1]) <= 0.8 * FRICTION * f[..., 2] + 1e-4 * m * 9.81).all()
+    acceleration = np.diff(found.com, 2, axis=0) / dt**2
+    assert m * (acceleration - g) == pytest.approx(f[1:-1].sum(axis=1), abs=1e-3 * m * 9.81)
+    for i, foot in enumerate(plan.poses):
+        for way in plan.swings[foot]:
+            air = (plan.t > way.start + 1e-6) & (plan.t < way.landing - 1e-6)
+            assert air.any() and not f[air, i].any()
+    assert found.com[0] == pytest.approx(solo.standing().com, abs=1e-6)
+    for t in (0.0, plan.duration):
+        assert plan.com(t).velocity == pytest.approx(np.zeros(3), abs=2e-3)
+    assert plan.momentum(-1.0).value == pytest.approx(np.zeros(6))
+
+
+@pytest.mark.parametrize("gait", ["crawl", "trot", "pace"])
+def test_quadrupeds_walk(solo: rbd.Robot, gait: str) -> None:
+    """By each gait, as far as planned."""
+    walk = Walk(solo, 4, gait=gait, friction=FRICTION)
+    run = walked(walk)
+    end = run.state(-1)
+    assert walk.log.violations == 0 and end.com[2] == pytest.approx(walk.state.com[2], abs=5e-3)
+    assert end.com[:2] == pytest.approx(walk.plan.centroid.com[-1, :2], abs=2e-2)
+    assert end.com[0] - walk.state.com[0] > 0.02
+
+
+@pytest.mark.parametrize("name", ["talos", "g1", "icub", "romeo", "human"])
+def test_bipeds_walk_six_steps(name: str) -> None:
+    """One call each."""
+    walk = Walk(rbd.load_robot(name), 6, friction=FRICTION)
+    run = walked(walk)
+    check(walk, run)
+    assert len(walk.plan.footsteps) == 6 and not walk.plans
+    assert run.com[-1, 0] - run.com[0, 0] == pytest.approx(5 * 0.23 * walk.plan.centroid.com[0, 2], rel=0.02)
+
+
+@pytest.mark.parametrize(("velocity", "turn"), [((0.0, 0.08, 0.0), 0.0), ((0.0, 0.0, 0.262), 90.0), ((-0.15, 0.0, 0.0), 0.0)])
+def test_a_humanoid_walks_aside_turns_and_goes_back(talos: rbd.Robot, velocity: tuple[float, ...], turn: float) -> None:
+    """The body moves and turns as the velocity says, feet as planned."""
+    walk = Walk(talos, 6, velocity, friction=FRICTION)
+    run = walked(walk)
+    check(walk, run)
+    R = run.state(-1).frame("base_link").X_WF.rotation
+    period = 3.35 * math.sqrt((walk.state.com[2]) / 9.81)
+    assert math.degrees(math.atan2(R[1, 0], R[0, 0])) == pytest.approx(math.degrees(6 * velocity[2] * period), abs=0.5)
+    assert abs(math.degrees(6 * velocity[2] * period) - turn) < 1.5
+    aside = run.com[-1] - run.com[0]
+    assert aside[1] == pytest.approx(6 * velocity[1] * period, abs=0.02 if not turn else 0.2)
+
+
+@pytest.mark.parametrize("name", ["talos", "g1"])
+def test_humanoids_walk_up_and_down_stairs(name: str) -> None:
+    """Three stairs of 10 cm: no violated step, feet where planned."""
+    robot = rbd.load_robot(name)
+    stairs = rbd.Terrain.stairs(0.1, 0.3, 3, start=(robot.standing().com[0] + 0.25, 0, 0), down=True)
+    walk = Walk(robot, 12, terrain=stairs, friction=FRICTION)
+    run = walked(walk)
+    check(walk, run)
+    assert np.max(run.com[:, 2]) - run.com[0, 2] > 0.2
+
+
+@pytest.mark.parametrize("angle", [8.0, -8.0])
+def test_a_humanoid_walks_on_a_slope(talos: rbd.Robot, angle: float) -> None:
+    """8 degrees up and down."""
+    a = math.radians(angle)
+    slope = rbd.Ground(point=(0.0, 0.0, 0.0), normal=(-math.sin(a), 0.0, math.cos(a)))
+    walk = Walk(talos, 6, terrain=slope, friction=FRICTION)
+    run = walked(walk)
+    check(walk, run)
+    rise = (run.com[-1] - run.com[0]) @ [0.0, 0.0, 1.0]
+    assert rise == pytest.approx(math.tan(a) * (run.com[-1, 0] - run.com[0, 0]), abs=2e-3)
+
+
+@pytest.mark.parametrize("angle", [0.0, 90.0, 180.0, 270.0])
+@pytest.mark.parametrize(("name", "link", "force"), [("talos", "torso_2_link", 300.0), ("g1", "torso_link", 60.0)])
+def test_pushes_in_a_swing_are_taken_up_by_steps(name: str, link: str, force: float, angle: float) -> None:
+    """0.1 s while a foot is in the air; without new plans it falls or misses more, and footholds change."""
+    walk = Walk(rbd.load_robot(name), 6, friction=FRICTION)
+    way = walk.plan.footsteps[2]
+    a, start = math.radians(angle), way.start + 0.3 * (way.end - way.start)
+    push = Push(link, force * np.array([math.cos(a), math.sin(a), 0.0]), start=start, duration=0.1)
+    before = walk.plan
+    run = walked(walk, external=push)
+    assert run.com[-1, 2] == pytest.approx(walk.plan.centroid.com[-1, 2], abs=0.02)
+    assert np.abs(run.v[-1]).max() < 0.1
+    assert walk.plans and all(isinstance(plan, WalkPlan) for _, plan in walk.plans)
+    moved = [
+        np.linalg.norm(x.pose.translation - y.pose.translation)
+        for x, y in zip(before.footsteps[2:], walk.plan.footsteps[2:], strict=True)
+    ]
+    assert max(moved) > 0.01
+
+
+def test_a_walk_used_again_gives_the_same_bits(solo: rbd.Robot) -> None:
+    """It forgets a motion, also one with new plans; a copy and a pickled one do the same to rounding, which new plans enlarge."""
+    walk = Walk(solo, 2, gait="trot", friction=FRICTION)
+    push = Push("base_link", (6.0, 4.0, 0.0), start=0.5, duration=0.1)
+    runs = [walked(each, external=push).q for each in (walk, walk, copy.deepcopy(walk), pickle.loads(pickle.dumps(walk)))]
+    assert walk.plans
+    assert np.array_equal(runs[0], runs[1])
+    for run in runs[2:]:
+        assert run == pytest.approx(runs[0], abs=1e-4)
+
+
+def test_footsteps_of_ones_own(talos: rbd.Robot) -> None:
+    """A list of steps at times of its own: plans stand where they say."""
+    poses = {step.foot: step.pose for step in Walk(talos, 2).plan.footsteps}
+    left = poses["left_sole"].translation
+    there = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.2), left + [0.05, 0.03, 0.0])
+    plan = Walk(talos, [Footstep("left_sole", there, 1.0, 1.8)]).plan
+    assert plan.placed("left_sole", 5.0).isApprox(there) and len(plan.footsteps) == 1
+    assert plan.schedule.intervals["left_sole"] == ((-math.inf, 1.0), (1.8, math.inf))
+    support = plan.centroid.com[np.searchsorted(plan.t, 1.4), :2]
+    right = plan.placed("right_sole", 1.4).translation[:2]
+    assert np.abs(support - right).max() < 0.12  # over the foot that stands
+
+
+def test_gaits() -> None:
+    """Which fly; what is refused."""
+    assert [name for name, gait in GAITS.items() if gait.flies] == ["bound"]
+    for order in ((("left",),), (("left", "right", "left"),), (("front",), ("hind",))):
+        with pytest.raises(InputError, match=r"expected each of left, right once"):
+            Gait(order, swing=2.0, overlap=1.0)
+    with pytest.raises(InputError, match="overlap of a gait is -3"):
+        Gait((("left",), ("right",)), swing=2.0, overlap=-3.0)
+
+
+def at(x: float, y: float, z: float = 0.0) -> pin.SE3:
+    """A level pose."""
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+def test_what_cannot_be_walked_is_refused(talos: rbd.Robot, solo: rbd.Robot) -> None:
+    """By name, with the limit."""
+    with pytest.raises(InputError, match=r"expected at most 0\.4\d+ m/s forwards"):
+        Walk(talos, 6, (2.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="gait is 'trot', of a robot with 2 feet"):
+        Walk(talos, gait="trot")
+    with pytest.raises(ModelError, match="no feet are known for ur5"):
+        Walk(rbd.load_robot("ur5"))
+    with pytest.raises(InputError, match=r"'left_sole' to \[1\.1.*is out of reach.*this foot at \["):
+        Walk(talos, [Footstep("left_sole", at(1.1, 0.085), 1.0, 1.7)])
+    with pytest.raises(InputError, match=r"is 30\.0 mm above the ground"):
+        Walk(talos, [Footstep("left_sole", at(0.2, 0.085, 0.03), 1.0, 1.7)])
+    with pytest.raises(InputError, match=r"is 30\.0 mm inside the ground"):
+        Walk(talos, [Footstep("left_sole", at(0.2, 0.085, -0.03), 1.0, 1.7)])
+    with pytest.raises(UnknownName, match="nearest: 'left_sole'"):
+        Walk(talos, [Footstep("left_sol", at(0.2, 0.085), 1.0, 1.7)])
+    with pytest.raises(InputError, match=r"lifted at 1\.5 s; it stands from 1\.7 s"):
+        Walk(talos, [Footstep("left_sole", at(0.2, 0.085), 1.0, 1.7), Footstep("left_sole", at(0.3, 0.085), 1.5, 2.0)])
+    high = rbd.Terrain.stairs(0.3, 0.3, 2, start=(0.3, 0.0, 0.0))
+    with pytest.raises(InputError, match="finds no place to stand on"):
+        Walk(talos, 6, terrain=high)
+    with pytest.raises(InputError, match="steps of Walk"):
+        Walk(solo, 0)
