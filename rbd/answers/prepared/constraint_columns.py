@@ -19,11 +19,10 @@ from rbd.arrays import Array, zeros
 from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.surface import motion_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone, Free, checked_generators
-from rbd.problem.ground import Body
+from rbd.problem.ground import Body, motion_of
 
 _ONE_LINE = 1e-9
 """Spread of points across a line, over that along it, up to which they are on it."""

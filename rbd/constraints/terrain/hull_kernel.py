@@ -78,7 +78,7 @@ def _hulls(
         out: Written: the points; `which` has the corner, the face, the piece and the shape.
         pairs: Written: (shape, piece), shape (most, 2).
     """
-    boxes, faces, vertices, _, loops, loop_at, _, begins = pieces
+    boxes, faces, vertices, _, loops, loop_at, _, begins, kinds, _ = pieces
     places, normals, gaps, which, ways = out
     k, found, total = 0, 0, points.shape[1]
     above, group = np.empty(total), np.empty(total, np.int64)
@@ -156,7 +156,7 @@ def _hulls(
                     return -1, found
                 pairs[found, 0], pairs[found, 1] = s, piece
                 found += 1
-        k = joined(begin, k, above_all, 1, faces, begins, out)
+        k = joined(begin, k, above_all, 1, faces, begins, kinds, out)
     return k, found
 
 

@@ -10,18 +10,21 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, locked
+from rbd.arrays import Array, locked, zeros
 from rbd.constraints.surface import UP, cone_of
 from rbd.constraints.terrain.on_terrain import BESIDE, OnTerrain
 from rbd.constraints.terrain.touches import Touches
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.problem.ground import TOUCHES, Ground
+from rbd.problem.ground import TOUCHES, Ground, motion_of
 from rbd.problem.rows import Rows
 
 SAME_NORMAL = 1e-6
 """Normals that differ by less than this are of one plane."""
+SAME_MOTION = 1e-9
+"""Velocities and accelerations of pieces that differ by less than this are the same [m/s, m/s2]."""
+_AT_REST = zeros(9)[None]
 _MOST = 256
 """Contacts of a robot whose sources are kept."""
 _sources: WeakKeyDictionary[CheckedModel, dict[Any, OnTerrain]] = WeakKeyDictionary()
@@ -45,12 +48,13 @@ def resting_rows(contact: Any, state: State) -> Rows:
 def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
     """(the same contact on the plane under it, what it touches, its source).
 
-    It has the corners of the part that rests there, in the same axes and about the same centre.
+    It has the corners of the part that rests there, in the same axes and about the same centre. The plane has the velocity and
+    acceleration of its piece at the time of the state; an anchor moves with it.
 
     Where nothing of it is within a millimetre of the terrain, it has all its corners, and the plane below its centre.
 
     Raises:
-        InputError: where it is over no terrain, or rests on two planes that are inclined to each other.
+        InputError: where it is over no terrain, or rests on two planes that are inclined to each other, or move differently.
     """
     known = _sources.setdefault(state.robot, {})
     source = known.get(contact)
@@ -64,8 +68,9 @@ def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
     up = X_WP.rotation[:, 2] if k > 2 else UP
     under = np.flatnonzero(found.normals @ up > BESIDE)
     if not len(under):
-        below = contact.on.ground_at(*X_WP.translation[:2].tolist())
-        flat = _on_plane(contact, tuple(np.asarray(below.normal).tolist()), float(below.height), contact.corners.tobytes(), k)
+        below = contact.on.at(state.t).ground_at(*X_WP.translation[:2].tolist())
+        n, rates = np.asarray(below.normal), np.concatenate([x[:3] for x in motion_of(below)]).tolist() * below.moves
+        flat = _on_plane(contact, tuple(n.tolist()), float(below.height), contact.corners.tobytes(), k, tuple(rates))
         return flat, found, source
     normals = found.normals[under]
     if np.abs(normals - normals[0]).max() > SAME_NORMAL:
@@ -73,6 +78,13 @@ def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
             f"contact {contact.name!r} rests on two planes of the terrain, inclined to each other: its forces have no common "
             "axes. Give its corners as contacts of their own, rbd.PointContact, or simulate it: there each point has "
             "the normal of its own plane."
+        )
+    rates = found.rates[found.which[under, 3]] if len(found.rates) else _AT_REST
+    if np.abs(rates - rates[0]).max() > SAME_MOTION:
+        raise InputError(
+            f"contact {contact.name!r} rests on two pieces of the terrain that move differently, and it cannot follow both. "
+            "Give its corners as contacts of their own, rbd.PointContact, or simulate it from when they do not yet: there each "
+            "point has the motion of its piece."
         )
     n, place = normals[0], found.places[under] - found.gaps[under, None] * normals
     local = contact.corners
@@ -82,13 +94,36 @@ def resting_on(contact: Any, state: State) -> tuple[Any, Touches, OnTerrain]:
         while len(local) < 3:  # an edge, or a corner: the same forces from three corners
             local = np.vstack([local, local[-1:]])
     height, corners = round(float(n @ place[0]), 12), local.tobytes() if k > 1 else b""
-    return _on_plane(contact, tuple(n.tolist()), height, corners, len(local)), found, source
+    belt, shift = rates[0, 6:], ()
+    motion = (*(rates[0, :3] + belt - float(belt @ n) * n).tolist(), *rates[0, 3:6].tolist()) if rates[0].any() else ()
+    if contact.anchor is not None:
+        shift = tuple(contact.on.pieces[found.which[under[0], 3]].shift(state.t).tolist())
+    return _on_plane(contact, tuple(n.tolist()), height, corners, len(local), motion, shift), found, source
+
+
+def shift_under(contact: Any, state: State) -> Array:
+    """How far the piece under a contact has moved at the time of a state, in W, shape (3,) [m]; zero where nothing is."""
+    _, found, _ = resting_on(contact, state)
+    return contact.on.pieces[found.which[0, 3]].shift(state.t) if len(found.gaps) else zeros(3)
 
 
 @lru_cache(maxsize=1024)
-def _on_plane(contact: Any, normal: tuple[float, ...], height: float, corners: bytes, k: int) -> Any:
+def _on_plane(
+    contact: Any,
+    normal: tuple[float, ...],
+    height: float,
+    corners: bytes,
+    k: int,
+    motion: tuple[float, ...],
+    shift: tuple[float, ...] = (),
+) -> Any:
     n = np.array(normal)
-    out = contact._again(on=Ground(point=height * n, normal=n / np.linalg.norm(n)))
+    velocity, acceleration = (motion[:3], motion[3:]) if motion else (None, None)
+    ground = Ground(point=height * n, normal=n / np.linalg.norm(n), velocity=velocity, acceleration=acceleration)
+    anchor = contact.anchor
+    if any(shift):
+        anchor = anchor + shift if len(contact.corners) == 1 else pin.SE3(anchor.rotation, anchor.translation + shift)
+    out = contact._again(on=ground, anchor=anchor)
     if k < 2 or len(contact.corners) == 1:
         return out
     own: Array = locked(np.frombuffer(corners).reshape(k, 3).copy())
