@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +15,7 @@ import pytest
 import rbd
 from rbd.arrays import Array
 from rbd.constraints.terrain.touching_kernel import EDGES
+from rbd.model.content_hash import digest
 
 G = 9.81
 BOX = rbd.testing.box(mass=2.0)
@@ -276,3 +280,48 @@ def test_a_terrain_at_a_time():
     assert there.distances(np.array([[0.0, 0.0, 1.0]]))[0] == pytest.approx(1.0 - z, abs=1e-15)
     ground = there.ground_at(0.0, 0.0)
     assert ground.velocity[2] == pytest.approx(rate, abs=1e-15) and ground.point[2] == pytest.approx(z, abs=1e-15)
+
+
+def test_files_and_copies_keep_motions(tmp_path):
+    """A trajectory's file has the motion at its samples to rounding, and between them to 1e-10; and a belt's velocity."""
+    terrain = rbd.Terrain.boxes([(-5, -1, -1), (5, 1, 0)], [(6, -1, -1), (7, 1, 0)])
+    terrain = terrain.with_motion("box 0", motion=lifted).with_motion("box 1", velocity=(0.3, 0.0, 0.0))
+    run(rbd.State(BOX, REST), face(terrain), 0.1, 2e-3).save(tmp_path / "a.npz")
+    read = rbd.Trajectory.load(tmp_path / "a.npz", robot=BOX)
+    read.save(tmp_path / "b.npz")
+    for found in (read, rbd.Trajectory.load(tmp_path / "b.npz", robot=BOX), read[10:20]):
+        lift, belt = found.terrains[0].solids
+        off = np.array([np.abs(lift.moved.at(t) - lifted(t)).max(axis=1) for t in found.t]).max(axis=0)
+        assert (off <= [1e-16, 1e-13, 1e-10]).all()
+        assert np.abs(lift.moved.at(0.0312)[0] - lifted(0.0312)[0]).max() <= 1e-10
+        assert belt.rates.tolist() == [0.0] * 6 + [0.3, 0.0, 0.0]
+    for copied in (copy.deepcopy(terrain), pickle.loads(pickle.dumps(terrain))):
+        assert copied.at(0.3).heights_of([[0.0, 0.0, 1.0]]) == terrain.at(0.3).heights_of([[0.0, 0.0, 1.0]])
+        assert copied.solids[1].rates.tolist() == belt.rates.tolist()
+    assert digest(terrain, "t") == digest(copy.deepcopy(terrain), "t")
+    assert digest(terrain, "t") != digest(terrain.with_motion("box 0", motion=shaken), "t")
+    assert digest(terrain, "t") != digest(terrain.with_motion("box 1", velocity=(0.31, 0.0, 0.0)), "t")
+
+
+def test_motions_are_checked_on_ground_at_rest():
+    """The ground of a reference motion is refused where a piece moves; as it is at a time it is taken."""
+    solo = rbd.load_robot("solo12")
+    q, t = np.tile(solo.standing().q, (3, 1)), np.array([0.0, 0.1, 0.2])
+    with pytest.raises(rbd.InputError, match="of which 'box 0' moves; expected one at rest"):
+        rbd.Motion.of_arrays(solo, t, q, ground=FLOOR.with_motion("box 0", motion=lifted))
+    rbd.Motion.of_arrays(solo, t, q, ground=FLOOR.with_motion("box 0", motion=lifted).at(0.0))
+
+
+def test_overlapping_pieces_are_said():
+    """With the depth of the closed form, of boxes that are turned too; pieces of stairs and those that touch do not overlap."""
+    R = pin.rpy.rpyToMatrix(0.3, 0.2, 0.7)
+    cube = coal.Box(1, 1, 1)
+    pieces = {name: (cube, pin.SE3(R, R @ [x, 0.3, 0.2])) for name, x in (("a", 0.0), ("b", 0.9), ("c", 1.0))}
+    terrain = rbd.Terrain(pieces | {"floor": rbd.Ground(point=(0, 0, -50))})
+    assert terrain.overlaps == {("a", "b"): pytest.approx(0.1, abs=1e-14), ("b", "c"): pytest.approx(0.9, abs=1e-14)}
+    assert str(terrain).endswith("; 'b' and 'c' overlap by 0.9 m, and 1 more do")
+    crossed = rbd.Terrain({"a": (cube, pin.SE3(pin.rpy.rpyToMatrix(0, 0, 0.25 * np.pi), np.array([1.1, 0, 0]))), "b": cube})
+    assert crossed.overlaps == {("a", "b"): pytest.approx(0.5 + 0.5 * np.sqrt(2.0) - 1.1, abs=1e-14)}
+    for still in (rbd.Terrain.stairs(0.17, 0.29, 5, down=True), FLOOR, rbd.Terrain.heights(np.zeros((3, 3)), 1.0)):
+        assert not still.overlaps
+        assert "overlap" not in str(still)

@@ -26,6 +26,8 @@ SIDES = 48
 """Sides of the prism in place of a cylinder: its corners are on the cylinder, its faces up to 0.2 % of the radius inside."""
 LEAST_M = 1e-6
 """Treads, and cells of a grid of heights, are at least this wide [m]."""
+OVERLAPS_M = 1e-6
+"""Pieces that are deeper in each other overlap; less is rounding [m]."""
 BELOW_M = 1.0
 """The base of prisms of a grid of heights is this far below its lowest point [m]."""
 
@@ -130,6 +132,36 @@ class Piece:
         return np.where(beside | (low > top + 1e-9) | np.isposinf(top), -np.inf, top)
 
 
+def overlaps_of(pieces: Sequence[Piece]) -> dict[tuple[str, str], float]:
+    """{names of two pieces: how deep they are in each other [m]}, by more than `OVERLAPS_M`; not of two half-spaces.
+
+    The depth is the shortest way along a face's normal, or across an edge of each, by which they come apart.
+    """
+    boxes, out = np.array([piece.box for piece in pieces]).reshape(-1, 6), dict[tuple[str, str], float]()
+    for i, one in enumerate(pieces):
+        apart = (boxes[i, :3] > boxes[i + 1 :, 3:]).any(axis=1) | (boxes[i, 3:] < boxes[i + 1 :, :3]).any(axis=1)
+        for j in (np.flatnonzero(~apart) + i + 1).tolist():
+            depth = _depth(one, pieces[j])
+            if depth > OVERLAPS_M:
+                out[one.name, pieces[j].name] = depth
+    return out
+
+
+def _depth(one: Piece, other: Piece) -> float:
+    """How far one is in the other; negative apart, minus infinity of two half-spaces."""
+    ways = []
+    for a, b in ((one, other), (other, one)):
+        if len(b.vertices):
+            ways.append(a.faces[:, 3] - (a.faces[:, :3] @ b.vertices.T).min(axis=1))
+    if len(one.vertices) and len(other.vertices):
+        n = np.cross(one.directions[:, None], other.directions[None]).reshape(-1, 3)
+        size = np.linalg.norm(n, axis=1)
+        n = n[size > 1e-6] / size[size > 1e-6, None]
+        a, b = n @ one.vertices.T, n @ other.vertices.T
+        ways += [a.max(axis=1) - b.min(axis=1), b.max(axis=1) - a.min(axis=1)]
+    return float(np.concatenate(ways).min()) if ways else -np.inf
+
+
 def half_space(name: str, ground: Ground) -> Piece:
     """What is below a plane."""
     return Piece(name, np.array([[*np.asarray(ground.normal), ground.height]]), np.zeros((0, 3)), ((),))
@@ -173,7 +205,7 @@ def piece_of(name: str, given: object) -> Piece | Heights:
         InputError: another object, a moving ground, or a round shape.
     """
     if isinstance(given, Heights | Piece):
-        return given
+        return given if given.name == name else replace(given, name=name)
     if isinstance(given, Ground):
         if given.point is None or (given.moves and given.motion is None):
             raise InputError(

@@ -9,8 +9,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole
-from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Plates, Polytopes, piece_of, plane_at
+from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, lazy
+from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Plates, Polytopes, overlaps_of, piece_of, plane_at
 from rbd.constraints.terrain.terrain_files import file_path, mesh_pieces, world_pieces
 from rbd.constraints.terrain.touches import Touches
 from rbd.displayed import Displayed
@@ -214,7 +214,24 @@ class Terrain(Displayed):
     def __str__(self) -> str:
         friction = "each contact's own friction" if self.friction is None else f"friction {self.friction:g}"
         shown = ", ".join(self.names[:6]) + (", ..." if len(self.names) > 6 else "")
-        return f"terrain of {len(self.names)} piece{'s' * (len(self.names) != 1)} ({shown}), {friction}"
+        (a, b), depth = max(self.overlaps.items(), key=lambda each: each[1], default=(("", ""), 0.0))
+        more = f", and {len(self.overlaps) - 1} more do" if len(self.overlaps) > 1 else ""
+        deep = f"; {a!r:.80} and {b!r:.80} overlap by {depth:.3g} m{more}" if depth else ""
+        return f"terrain of {len(self.names)} piece{'s' * (len(self.names) != 1)} ({shown}), {friction}{deep}"
+
+    @lazy
+    def overlaps(self) -> dict[tuple[str, str], float]:
+        """{names of two pieces: how deep they are in each other [m]}, where they were given, by more than 1e-6 m; no grids.
+
+        `print(terrain)` says it. What is above of both is touched as that of one solid, so it does no harm but to what begins
+        or comes deep inside of them: each pushes that out along its own nearest face, which can lead into the other.
+
+        Example:
+            >>> import coal
+            >>> print(rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0)), "step": coal.Box(0.4, 0.4, 0.2)}))
+            terrain of 2 pieces (floor, step), each contact's own friction; 'floor' and 'step' overlap by 0.1 m
+        """
+        return overlaps_of([solid for solid in self.solids if isinstance(solid, Piece)])
 
     @property
     def moves(self) -> bool:
@@ -351,6 +368,20 @@ class Terrain(Displayed):
         p = np.array([x, y, tops[i]])
         best = min((abs(float(f[:3] @ p - f[3])), tuple(f[:3])) for piece in pieces for f in piece.faces if f[2] > 1e-9)
         return plane_at(p, np.array(best[1]), pieces[0].rates)
+
+
+def check_still(terrain: Terrain) -> None:
+    """Refuse a terrain of which a piece moves, where contacts are sought or checked in a whole motion on ground at rest.
+
+    Raises:
+        InputError: with the name of the piece.
+    """
+    for piece in terrain.pieces:
+        if piece.moved is not None or (piece.rates is not None and piece.rates[6:].any()):
+            raise InputError(
+                f"the ground of a motion is a terrain of which {piece.name!r:.80} moves; expected one at rest, or as it is "
+                "at a time: terrain.at(t)."
+            )
 
 
 def terrains_of(constraints: Iterable[object]) -> tuple[Terrain, ...]:
