@@ -281,6 +281,16 @@ class Terrain(Displayed):
             raise InputError(f"piece {name!r:.80} of a terrain is a grid of heights, which stays; expected a convex piece.")
         return Terrain(solids | {name: piece.moving(motion, velocity)}, self.friction)
 
+    def apart(self) -> list[Terrain]:
+        """Its pieces that stay, as one terrain, then each that has a motion, alone; itself where none has one."""
+        if self.jump is None:
+            return [self]
+        known = dict(zip(self.names, self.solids, strict=True))
+        moving = {piece.name for piece in self._pieces if piece.moved is not None}
+        still = {name: solid for name, solid in known.items() if name not in moving}
+        alone = [{name: known[name]} for name in self.names if name in moving]
+        return [Terrain(some, self.friction) for some in [still, *alone] if some]
+
     def at(self, t: float) -> Terrain:
         """The terrain as it is at a time [s]: its pieces where they are then; itself where none has a motion."""
         if self.jump is None:
