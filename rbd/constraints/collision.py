@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations
@@ -16,7 +16,16 @@ from rbd.arrays import Array, check_number, cross_matrix, locked
 from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
-from rbd.constraints.surface import On, check_state, check_words, cone_of, contact_axes, plane_of
+from rbd.constraints.surface import (
+    On,
+    check_own_friction,
+    check_state,
+    check_words,
+    cone_of,
+    contact_axes,
+    jump_of,
+    plane_of,
+)
 from rbd.constraints.terrain.shapes import OnPieces
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
@@ -26,7 +35,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import RenewedLock
 from rbd.model.state import State
 from rbd.problem.cones import Cone, NonNegative, Product, check_friction
-from rbd.problem.ground import FLOOR, TOUCHES, Ground
+from rbd.problem.ground import FLOOR, TOUCHES, Ground, motion_of
 from rbd.problem.rows import Patch, Rows
 
 TOUCHES_M = 1e-4
@@ -65,14 +74,15 @@ class CollisionContacts(Displayed):
         ground: Whether there is a plane; or names of the only links or shapes that can touch it.
         pairs: Pairs of names of links or shapes that can touch each other; True: the collision pairs of
             `robot.collision_model`, or all bodies that no single joint connects where it has none.
-        on: The plane of a ground at rest: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Terrain`.
+        on: The plane of a ground that is at rest or moves without turning: `rbd.Ground(point=..., normal=..., motion=...)`, the
+            height of a level one [m]; or `rbd.Terrain`.
         margin: Largest gap of points that get rows [m]. In `rbd.solve` all of them touch; a simulation uses a larger margin.
             Bodies that are inside each other by more than it, and more than 1 mm, get a `DistantContactWarning`; a simulation
             does not start from more than 1 cm.
 
     Raises:
         InputError: unknown names, with the nearest; a robot without shapes; a mesh that cannot be loaded; a friction
-            that is negative or None; a plane without direction.
+            that is negative or None; a plane without direction; a ground that turns.
 
     Example:
         >>> g1 = rbd.load_robot("g1")
@@ -117,16 +127,18 @@ class CollisionContacts(Displayed):
         check_friction(friction, facets)
         terrain = on if isinstance(on, Terrain) else None
         plane_on = FLOOR if terrain else plane_of(name, on)
-        if plane_on.motion is not None or plane_on.velocity is not None or plane_on.acceleration is not None:
+        if any(x[3:].any() for x in motion_of(plane_on)):
             raise InputError(
-                f"the ground of {name!r:.80} moves; expected one at rest. On moving ground give contacts at points."
+                f"the ground of {name!r:.80} turns; expected one at rest, or that moves without turning. On a turntable give "
+                "contacts at points, rbd.PointContact, or soles."
             )
         margin, shapes = _checked_margin(name, margin), CollisionShapes(name, robot)
         low, both = shapes.on_ground(ground), shapes.pairs(pairs)
         if not low and not both:
             raise InputError(f"CollisionContacts {name!r:.80} has neither ground nor pairs: nothing can touch.")
         point, axes = np.asarray(plane_on.point), contact_axes(np.asarray(plane_on.normal))
-        plane = OnPlane(robot, low, axes, point) if low and not terrain else None
+        moving = plane_on if plane_on.moves else None
+        plane = OnPlane(robot, low, axes, point, moving) if low and not terrain else None
         pieces = OnPieces(robot, low, terrain) if low and terrain else None
         first = len(plane.points.body) if plane is not None else _ON_PIECES if pieces is not None else 0
         if terrain and terrain.friction is not None:
@@ -149,7 +161,12 @@ class CollisionContacts(Displayed):
         return self._changed(margin=_checked_margin(self.name, margin), _finder=self._finder.another())
 
     def with_friction(self, mu: float) -> CollisionContacts:
-        """The same contacts with another coefficient."""
+        """The same contacts with another coefficient.
+
+        Raises:
+            InputError: on a terrain with a coefficient of its own.
+        """
+        check_own_friction(self.name, self.on, mu)
         return self._changed(friction=float(mu), _cone=_cone(float(mu), self.facets))
 
     def _changed(self, **changes: object) -> CollisionContacts:
@@ -173,8 +190,10 @@ class CollisionContacts(Displayed):
             deep = [(found.names[i], -float(found.gaps[i])) for i in np.flatnonzero(found.gaps < -within)]
         else:
             assert isinstance(self.on, Ground)
-            r = found.positions - self._point
-            patch = Patch(self._point, self._axes, r @ self._axes, self.friction, on=self.on, within=within)
+            r, on = found.positions - self._point, self.on.at(state.t)
+            if self.on.carries and state.t:
+                on = Ground(point=np.asarray(on.point) + self.on.shift(state.t), normal=on.normal, velocity=on.velocity)
+            patch = Patch(self._point, self._axes, r @ self._axes, self.friction, on=on, within=within)
         J, bias, velocity = found.J[kept], found.bias[kept], found.velocity[kept]
         cone, held, resultant = _stacked(self._cone, k), _normals(k, bool(self.friction)), self._resultant(found)
         return Rows(
@@ -183,7 +202,7 @@ class CollisionContacts(Displayed):
         )  # fmt: skip
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints:
-        """The points themselves, in the order of the rows; for any time `t`, as the ground is at rest.
+        """The points themselves, in the order of the rows; ground that moves is taken at the time of the state, whatever `t`.
 
         Raises:
             InputError: a state of another robot.
@@ -193,6 +212,11 @@ class CollisionContacts(Displayed):
             found.names, found.positions, found.each_axes, found.gaps, found.J[kept], found.velocity[kept], found.bias[kept],
             (self._cone,) * len(found.gaps), self._resultant(found),
         )  # fmt: skip
+
+    @property
+    def jump(self) -> Callable[[float, float], float | None] | None:
+        """Gives a time in an interval at which its ground's motion jumps [s], None if there is none; None without a motion."""
+        return jump_of(self.on)
 
     def source(self, start: State) -> CollisionPoints:
         """The points during a motion: all that are nearer than `MARGIN`.
@@ -257,7 +281,7 @@ class _Finder:
         if last is not None and last[0]() is state and last[1] == margin:
             return last[2]
         with self._lock:
-            low = None if self.plane is None else self.plane.at(state.q, state.v, margin)
+            low = None if self.plane is None else self.plane.at(state, margin)
             parts = [] if low is None else [low]
             parts += [] if self.pieces is None else self.pieces.at(state, margin)
             parts += [] if self.between is None else self.between.at(state, margin)
@@ -286,7 +310,7 @@ class CollisionPoints:
         self._seen: dict[bytes, Structure] = {}
 
     def at(self, state: State, t: float) -> Measured:
-        """Its points, for any time `t`."""
+        """Its points at a state and its time."""
         contacts = self.contacts
         found, kept = contacts._touching(state), contacts._kept
         J = found.J[kept]

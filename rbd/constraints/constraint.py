@@ -181,9 +181,8 @@ def ground_of(constraint: Constraint) -> Ground | None:
 
 
 def is_carried(constraint: Constraint) -> bool:
-    """Whether it is on moving ground, and so has no fixed position."""
-    ground = ground_of(constraint)
-    return ground is not None and ground.velocity is not None
+    """Whether it is on moving ground, or terrain that carries, and so has no fixed position."""
+    return bool(member(member(constraint, "on"), "carries"))
 
 
 def is_timed(constraint: Constraint) -> bool:

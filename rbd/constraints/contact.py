@@ -26,6 +26,7 @@ from rbd.constraints.surface import (
     RelativeMotion,
     Surface,
     anchor_of,
+    check_own_friction,
     check_state,
     check_words,
     cone_of,
@@ -36,7 +37,7 @@ from rbd.constraints.surface import (
     surface_of,
 )
 from rbd.constraints.terrain.on_terrain import OnTerrain
-from rbd.constraints.terrain.resting import resting_rows
+from rbd.constraints.terrain.resting import resting_rows, shift_under
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -231,8 +232,11 @@ class Contact(Displayed):
 
     def anchored(self, state: State) -> Self:
         """The same contact, anchored where it touches at this state."""
-        motion = Counterpart(self.name, self.on, pin.SE3.Identity()).motion(state, self.frame, self.placement)
-        X_S0 = motion.X_WS.actInv(motion.X_WP)
+        if isinstance(self.on, Terrain):
+            X_S0 = pin.SE3(np.eye(3), -shift_under(self, state)) * state.moving(self.frame, self.placement, pin.LOCAL)[0]
+        else:
+            motion = Counterpart(self.name, self.on, pin.SE3.Identity()).motion(state, self.frame, self.placement)
+            X_S0 = motion.X_WS.actInv(motion.X_WP)
         return self._again(anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
 
     def with_friction(self, mu: float | Cone | None, *, facets: int | None = None) -> Self:
@@ -241,8 +245,7 @@ class Contact(Displayed):
         Raises:
             InputError: on a terrain with a coefficient of its own.
         """
-        if isinstance(self.on, Terrain) and self.on.friction is not None and mu != self.on.friction:
-            raise InputError(f"the friction of contact {self.name!r} is its terrain's, {self.on.friction:g}; give it there.")
+        check_own_friction(self.name, self.on, mu)
         return self._again(friction=mu, facets=self.facets if facets is None else facets)
 
     def with_ground(self, on: On) -> Self:

@@ -38,6 +38,7 @@ from rbd.constraints.convex.points_near_plane import LowPoints
 from rbd.constraints.surface import contact_axes
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import FrameKinematics, State
+from rbd.problem.ground import Ground, motion_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,18 +290,21 @@ def _axes_rate(R: Array, dn: Array) -> Array:
 
 
 class OnPlane:
-    """Contact points of shapes with a fixed plane. Not for two threads at once.
+    """Contact points of shapes with a plane, at rest or moving without turning. Not for two threads at once.
 
     Args:
         robot: The robot.
         shapes: Those that can touch, in the order of their joints.
         axes: R_WC, the plane's normal third, shape (3, 3).
         point: A point of the plane, in W, shape (3,) [m].
+        ground: The plane's ground if it moves.
     """
 
-    def __init__(self, robot: CheckedModel, shapes: Sequence[ConvexShape], axes: Array, point: Array) -> None:
+    def __init__(
+        self, robot: CheckedModel, shapes: Sequence[ConvexShape], axes: Array, point: Array, ground: Ground | None = None
+    ) -> None:
         self.model, self.axes, self.height = robot.model, np.ascontiguousarray(axes), float(axes[:, 2] @ point)
-        self._normal = axes[:, 2].copy()
+        self._normal, self._ground = axes[:, 2].copy(), ground
         self.joints = sorted({shape.joint for shape in shapes})
         self._joints = np.array(self.joints)
         self.points = LowPoints(shapes, np.array([self.joints.index(shape.joint) for shape in shapes]))
@@ -320,21 +324,18 @@ class OnPlane:
         out._prepare()
         return out
 
-    def at(self, q: Array, v: Array, margin: float) -> Touching | None:
-        """The points that are at most `margin` above the plane, in the order of their numbers; None if there are none.
-
-        Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            margin: [m].
-        """
+    def at(self, state: State, margin: float) -> Touching | None:
+        """The points at most `margin` [m] above the plane at a state and its time, by their numbers; None if there are none."""
+        q, v, ground, height = state.q, state.v, self._ground, self.height
         data, moves, nv = self._data, bool(v.any()), len(v)
+        if ground is not None:
+            height += float(self._normal @ ground.shift(state.t))
         if moves:
             pin.computeJointJacobiansTimeVariation(self.model, data, q, v)
         else:
             pin.computeJointJacobians(self.model, data, q)
         kernel, low, J_W = plane_kernel(), self.points, data.J.reshape(6, nv).T
-        up, height = kernel.normals(self._places, self._joints, self._normal, self.height)
+        up, height = kernel.normals(self._places, self._joints, self._normal, height)
         numbers, gaps = low.near(up, height, margin)
         k, body = len(numbers), low.body.take(numbers)
         if not k:
@@ -346,6 +347,9 @@ class OnPlane:
                 P, body, low.part_of.take(numbers), self._places, self._joints, self.axes, up, self._carries, J_W,
                 data.dJ.reshape(6, nv).T, v, low.roots, low.least,
             )  # fmt: skip
+        if ground is not None:
+            under = [np.tile(x[:3] @ self.axes, k) for x in motion_of(ground.at(state.t))]
+            velocity, bias = velocity - under[0], bias - under[1]
         return Touching(numbers, self.label, P, self.axes, gaps, J, velocity, bias)
 
     def label(self, number: int) -> str:

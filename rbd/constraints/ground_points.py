@@ -10,10 +10,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, lazy, zeros
 from rbd.constraints.contact_points import Group, Measured, Structure
-from rbd.constraints.surface import cone_of, contact_axes, motion_of
+from rbd.constraints.surface import cone_of, contact_axes
 from rbd.model.state import State
 from rbd.problem.cones import Cone
-from rbd.problem.ground import Ground
+from rbd.problem.ground import Ground, motion_of
 
 
 class OnGround:
@@ -159,17 +159,19 @@ class Grounds:
             u, s = _under(self._surface.at(state.t), P, v_P[:, :, 0])
             velocity, bias = (x - np.vecdot(terms[:, :3], y[row]) for x, y in ((velocity, u), (bias, s)))
         return Measured(
-            self.structure, J, velocity, bias, self._above(P, t), zeros(len(row)),
+            self.structure, J, velocity, bias, self._above(P, t, state.t), zeros(len(row)),
             None, None if self.point_alone else both[:, :, 1], P, self.R,
         )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:
         """Distances of their points to their planes, shape (k,) [m]."""
         R, p = state.joint_places(self.joints)
-        return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0], t)
+        return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0], t, state.t)
 
-    def _above(self, P: Array, t: float) -> Array:
-        lift = 0.0 if self._surface is None else self._normal @ self._surface.shift(t)
+    def _above(self, P: Array, t: float, now: float) -> Array:
+        lift = 0.0
+        if self._surface is not None:
+            lift = self._normal @ self._surface.shift(t if self._surface.moved is None else now)
         return np.asarray(np.vecdot(P, self._normal) - (self._height + lift))
 
 

@@ -31,7 +31,7 @@ from rbd.model.placement import rigid_placement
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative
 from rbd.problem.corner_cones import LineCone, WrenchCone
-from rbd.problem.ground import FLOOR, Body, Ground
+from rbd.problem.ground import FLOOR, Body, Ground, motion_of
 
 Surface = Ground | Body | Terrain | None
 """A checked surface; None: ground at rest, its position not known."""
@@ -136,13 +136,19 @@ class Counterpart:
 
 def jump_of(on: Surface) -> Callable[[float, float], float | None] | None:
     """Gives a time in an interval at which a ground's motion jumps [s], None if there is none; None without a motion."""
+    if isinstance(on, Terrain):
+        return on.jump
     return on.moved.jump if isinstance(on, Ground) and on.moved is not None else None
 
 
-def motion_of(ground: Ground) -> tuple[Array, Array]:
-    """(velocity, acceleration) of a ground, shapes (6,); zero where none is given."""
-    u, s = (zeros(6) if given is None else np.asarray(given) for given in (ground.velocity, ground.acceleration))
-    return u, s
+def check_own_friction(name: str, on: Surface, mu: object) -> None:
+    """Refuse another coefficient than that of a terrain with its own.
+
+    Raises:
+        InputError: with the contact's name and the terrain's coefficient.
+    """
+    if isinstance(on, Terrain) and on.friction is not None and mu != on.friction:
+        raise InputError(f"the friction of contact {name!r} is its terrain's, {on.friction:g}; give it there.")
 
 
 def surface_of(name: str, on: object) -> Surface:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_finite, as_float, check_flag, check_number, check_whole, locked
-from rbd.constraints.terrain.terrain import Terrain
+from rbd.constraints.terrain.terrain import Terrain, check_still
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -169,6 +169,8 @@ class Motion(Displayed):
         said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
+        if isinstance(ground, Terrain):
+            check_still(ground)
         height = ground if isinstance(ground, Terrain) else _height(ground)
         if v is None and a is not None:
             raise InputError("a was given without v; give both, or neither.")

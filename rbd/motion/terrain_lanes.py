@@ -11,7 +11,7 @@ from rbd.constraints.contact import Contact
 from rbd.constraints.surface import contact_axes
 from rbd.constraints.terrain.pieces import Plates
 from rbd.constraints.terrain.resting import BESIDE, SAME_NORMAL
-from rbd.constraints.terrain.terrain import Terrain
+from rbd.constraints.terrain.terrain import Terrain, check_still
 from rbd.constraints.terrain.touches import Touches
 from rbd.motion.contact_timeline import ContactTimeline, FloorPoints
 
@@ -57,7 +57,11 @@ class OverTerrain:
             points: Corners of feet, and of other bodies.
             R: Orientations of the joints' axes, shape (n, joints, 3, 3).
             p: Their origins, shape (n, joints, 3).
+
+        Raises:
+            InputError: a piece of the terrain moves.
         """
+        check_still(terrain)
         flat = [isinstance(c, Contact) and len(c.corners) > 1 for c in points.contacts]
         firsts = np.flatnonzero(np.array(flat)[points.group])
         k, soles = len(points), [np.flatnonzero(points.group == g) for g in np.unique(points.group[firsts])]

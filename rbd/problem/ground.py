@@ -109,6 +109,11 @@ class Ground(Displayed):
         )  # fmt: skip
 
     @property
+    def carries(self) -> bool:
+        """Whether it has a velocity, and so takes along what stands on it, from no place of its own."""
+        return self.velocity is not None
+
+    @property
     def moves(self) -> bool:
         """Whether it has a motion, or a velocity or an acceleration that is not zero."""
         given = (self.velocity, self.acceleration)
@@ -170,6 +175,12 @@ class Body(Displayed):
 
 FLOOR = Ground(point=(0.0, 0.0, 0.0))
 """The plane z = 0."""
+
+
+def motion_of(ground: Ground) -> tuple[Array, Array]:
+    """(velocity, acceleration) of a ground, shapes (6,); zero where none is given."""
+    u, s = (zeros(6) if given is None else np.asarray(given) for given in (ground.velocity, ground.acceleration))
+    return u, s
 
 
 def _twist(what: str, value: Sequence[float] | Array) -> Array:

@@ -33,6 +33,8 @@ TIGHT = 1e-12
 """Over the size: the largest gap of a point that makes contact."""
 CLOSED = 1e-9
 """Over the size: closed points are not corrected below this gap or depth."""
+PARALLEL = 1e-4
+"""Directions in which rows of points that press have singular values below this, over the largest, are left alone."""
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
@@ -244,16 +246,24 @@ class Correction:
         now = max(max_abs(end.gap[pressed]), max_abs(end.error[held]))
         return max(max_abs(gap[pressed]), max_abs(error[held]), max_abs(moved[pressed])) > 0.5 * now
 
-    def velocities(self, at: Snapshot, t: float) -> Snapshot:
+    def velocities(self, at: Snapshot, t: float, rests: Array | None = None) -> Snapshot:
         """The snapshot with the nearest velocity, in the inertia metric, that its bilateral constraints allow.
 
-        After a step J v has an error of O(h^2), by which the J_dot v of linearly dependent rows would contradict each other.
+        After a step J v has an error of O(h^2), by which the J_dot v of linearly dependent rows would contradict each other,
+        and by which what stands on ground that moves would be behind it.
+
+        Args:
+            at: The points at the end of the step.
+            t: Its time [s].
+            rests: Further rows that are at rest: of points that press, shape (p,).
         """
-        held = at.layout.held
+        held, zero = at.layout.held, max(ZERO, OWED * at.drift)
+        if rests is not None and rests.any():
+            held, zero = held | rests, max(zero, PARALLEL)
         rate = at.velocity[held]
         if max_abs(rate) <= self.projection.tolerance:
             return at
-        state, zero = at.state, max(ZERO, OWED * at.drift)
+        state = at.state
         less = correction(inertia_factor(state.M), at.J[held], rate, zero=zero)
         return self.points.at(state.with_velocity(state.v - less), t)
 

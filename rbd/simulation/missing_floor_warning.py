@@ -150,6 +150,8 @@ def _plane_of_shapes(constraint: Constraint) -> tuple[tuple[float, ...], float] 
     ground = ground_of(constraint)
     if not _is_of_shapes(constraint) or not member(constraint, "ground") or ground is None or ground.point is None:
         return None
+    if ground.moves:
+        return None
     normal = np.asarray(ground.normal, float)
     normal = normal / np.linalg.norm(normal)
     return _plane(normal, float(normal @ np.asarray(ground.point)))

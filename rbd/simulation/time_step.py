@@ -44,7 +44,7 @@ from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.simulated_motion import SimulatedMotion
-from rbd.simulation.stacked_points import PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, not_finite, solve_velocity
 
 _SLOW = 0.2
@@ -367,12 +367,15 @@ class StepSystem:
                 if end is not made and (caught or self.correction.owes(start.at, made, pressed, moved)):
                     other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
             if (answer.redundant or self.motion.timed) and self.correction.bilateral:
-                made = end
-                end = self.correction.velocities(end, t)
+                made, rests = end, None
+                if self.motion.timed and end.layout is layout:
+                    rests = _resting(layout, closed & (answer.impulse[layout.normals] > 0.0), answer.velocity)
+                end = self.correction.velocities(end, t, rests)
                 if self.motion.timed:
                     other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
                 if end.layout is layout:
-                    answer = answer._replace(velocity=np.where(layout.held, end.velocity, answer.velocity))
+                    given = layout.held if rests is None else layout.held | rests
+                    answer = answer._replace(velocity=np.where(given, end.velocity, answer.velocity))
         norms, by_law, previous = answer.norms, answer.velocity, None
         if end.layout is not layout:
             match, norms = PointMatching(layout, end.layout), None
@@ -428,3 +431,12 @@ class StepSystem:
     def _leaves(self, at: Snapshot) -> Array:
         """Which points separate from their surface faster than the rest speed, shape (k,)."""
         return at.layout.pushes & (at.approach > self.impact_speed)
+
+
+def _resting(layout: PointLayout, presses: Array, velocity: Array) -> Array:
+    """Rows of points that press, shape (p,): their normals, and of those that stick the tangents too."""
+    out = np.zeros(len(velocity), bool)
+    out[layout.normals[presses]] = True
+    along = layout.sliding_rows[presses[layout.slides]]
+    out[along[np.hypot(*velocity[along].T) <= SLIDES]] = True
+    return out

@@ -64,7 +64,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "events": [[kind(getattr(e, field)) for _, field, kind, _ in EVENT] for e in fields["events"]],
         "absent": list(fields["absent"]),
         "pushed": bool(fields["pushed"]),
-        "terrains": [plain_of(terrain) for terrain in fields["terrains"]],
+        "terrains": [plain_of(terrain, fields["t"]) for terrain in fields["terrains"]],
         **header_of_elements(fields["elements"]),
     }
 

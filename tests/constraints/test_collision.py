@@ -424,7 +424,7 @@ def test_copies_and_threads_find_the_same(g1):
         ({"on": "floor"}, "on of 'floor' is 'floor'; expected rbd.Ground"),
         ({"on": rbd.Ground(normal=(0.0, 0.0, 1.0))}, "with a point"),
         ({"on": rbd.Body("box")}, "expected rbd.Ground"),
-        ({"on": rbd.Ground(point=(0.0, 0.0, 0.0), velocity=(1.0, 0.0, 0.0))}, "expected one at rest"),
+        ({"on": rbd.Ground(point=(0, 0, 0), velocity=(0, 0, 0, 0, 0, 1), about=(0, 0, 0))}, "the ground of .* turns"),
         ({"margin": -1.0}, "length >= 0"),
         ({"facets": 2}, "facets is 2"),
     ],

@@ -192,7 +192,7 @@ def test_pushes_in_a_swing_are_taken_up_by_steps(name: str, link: str, force: fl
 
 
 def test_a_walk_used_again_gives_the_same_bits(solo: rbd.Robot) -> None:
-    """It forgets a motion, also one with new plans; a copy and a pickled one do the same to rounding, which new plans enlarge."""
+    """It forgets a motion, also one with new plans; copies do the same to rounding, which new plans enlarge."""
     walk = Walk(solo, 2, gait="trot", friction=FRICTION)
     push = Push("base_link", (6.0, 4.0, 0.0), start=0.5, duration=0.1)
     runs = [walked(each, external=push).q for each in (walk, walk, copy.deepcopy(walk), pickle.loads(pickle.dumps(walk)))]

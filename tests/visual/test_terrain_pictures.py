@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import re
@@ -230,3 +231,28 @@ def test_a_terrain_by_itself(tmp_path, monkeypatch):
     np.testing.assert_allclose(corners @ slope.faces[0, :3], 0.16, atol=1e-12)
     with pytest.raises(rbd.errors.PictureError, match="html"):
         STAIRS.export(tmp_path / "stairs.png")
+
+
+def test_a_lift_is_drawn_where_it_is(tmp_path):
+    """A state shows it where it is at the state's time, a motion takes its marks along; the floor beside it stays."""
+    rise = rbd.Speed((0.0, 0.0, 0.2), start=(0.0, 0.0, 0.05))
+    lift = rbd.Terrain.boxes([(-1, -1, -0.5), (-0.3, 1, 0)], [(-0.3, -1, -0.5), (1, 1, 0)]).with_motion("box 1", motion=rise)
+    face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.1), friction=0.6, on=lift)
+    state = rbd.State(BOX, [0, 0, 0.15, 0, 0, 0, 1], [0, 0, 0.2, 0, 0, 0], t=0.5)
+    with rbd.visual.Scene(BOX) as scene:
+        scene.show(state, rbd.solve(state, [], [face]))
+        solid = next(mark for mark in scene.drawn if mark.path == "terrain/0/solid").points
+        assert solid[:, 2].max() == pytest.approx(0.15, abs=scene.sizes.lift)
+    run = rbd.simulate(state, [face], duration=0.1, step=5e-3, progress=False)
+    shown = ShownMotion.of_trajectory(run)
+    page = MotionPage(shown, frames_of(shown, [1]), robot_parts(BOX), SIZES, True)
+    height = 0.05 + 0.2 * page.frames.times
+    np.testing.assert_allclose(page.frames.lifts[:, 0, 2], height, atol=1e-15)
+    np.testing.assert_array_equal(page.frames.rows[:, 7:14], page.frames.lifts[:, 0])
+    assert not page.frames.left_out and [str(one.terrain.names) for one in page.terrains] == ["('box 0',)", "('box 1',)"]
+    (motion,) = json.loads(page.whole({}, 1.0)).values()
+    assert motion["lifts"] == [{"path": "marks/terrain/1", "body": 1}] and motion["bodies"] == 2
+    floors = np.frombuffer(base64.b64decode(motion["floors"]), np.float32)
+    np.testing.assert_allclose(floors, height, atol=1e-6)
+    text = rbd.visual.export_motion(run, tmp_path / "lift.html").read_text(encoding="utf-8")
+    assert "terrain/1/solid" in text

@@ -21,12 +21,11 @@ from rbd.constraints.contact import Contact
 from rbd.constraints.driven import DrivenJoint
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.surface import motion_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone, Free, checked_generators
 from rbd.problem.force_set import ForceSet
-from rbd.problem.ground import Body, Ground
+from rbd.problem.ground import Body, Ground, motion_of
 
 _ONE_LINE = 1e-9
 """Spread of points across a line, over that along it, up to which they are on it."""

@@ -45,12 +45,12 @@ from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import OPEN
 from rbd.constraints.joint import JointLimit
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.surface import motion_of
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import Opening
 from rbd.problem.force_set import at_rest
+from rbd.problem.ground import motion_of
 
 METHODS = ("closed form", "cones: Newton")
 """Of constraints that are held or stick, and of those that slip or open."""

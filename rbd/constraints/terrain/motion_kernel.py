@@ -31,12 +31,15 @@ def _axes(n: Array, dn: Array, x: Array, R: Array, dR: Array) -> None:
 
 
 def _rows(
-    found: Spots, plates: Plates, body: Array, carries: Array, J_W: Array, v: Array, alongs: Array,
+    found: Spots, plates: Plates, rates: Array, body: Array, carries: Array, J_W: Array, v: Array, alongs: Array,
     axes: Array, J: Array, velocity: Array, bias: Array,
 ) -> None:
     """Rows of k points, three each, in contact axes; their normal is still on a face and turns with a plate or its edge.
 
-        J = (d, P x d) J_W        velocity = J v        bias = d . (a_P + w x u) + d' . v_P
+        J = (d, P x d) J_W        velocity = d . v_P        bias = d . (a_P + w x u) + d' . v_P
+
+    v_P and a_P are relative to a piece that moves, whose axes do not turn: v_P = J_P v - p', a_P = J_dot_P v - p''. A belt's
+    surface runs at b - (b . n) n over its piece, which is subtracted too.
 
     u is how fast the contact point moves over the plate: that over a corner of the piece stays over it; the crossing of an
     outline along e with an edge moves along both. The gap's rate is the normal velocity where plate and face are parallel, as
@@ -46,6 +49,7 @@ def _rows(
     Args:
         found: The points, as `touching_kernel.touching` or `hull_kernel.hulls` left them.
         plates: What they are on; of hulls single corners.
+        rates: Of the pieces, as of `Polytopes`.
         body: The body of each plate, shape (plates,).
         carries: Which coordinates move each body, shape (bodies, nv).
         J_W: The joints' Jacobian at W's origin over its rate, shape (12, nv).
@@ -53,13 +57,13 @@ def _rows(
         alongs: A direction in W for the first tangent of each plate, shape (plates, 3).
         axes: Written: R_WC, shape (k, 3, 3).
         J: Written: shape (3 k, nv).
-        velocity: Written: shape (3 k,).
+        velocity: Written: relative to the pieces, shape (3 k,).
         bias: Written.
     """
     places, normals, gaps, which, ways = found
     corners, at, ups, radii = plates
     nv = len(v)
-    moving, turning = np.zeros((len(carries), 12)), np.empty((3, 3))
+    moving, turning, piece = np.zeros((len(carries), 12)), np.empty((3, 3)), np.zeros(9)
     for b in range(len(carries)):
         for c in range(nv):
             if carries[b, c] and v[c] != 0.0:
@@ -70,6 +74,9 @@ def _rows(
         w, A = moving[b, 3:6], moving[b, 6:]
         v_P = moving[b, :3] + cross(w, P)
         a = A[:3] + cross(A[3:], P) + cross(w, v_P)
+        if len(rates):
+            piece = rates[which[k, 3]]
+            v_P, a = v_P - piece[:3], a - piece[3:6]
         u, dn, kind, first, size = np.zeros(3), np.zeros(3), which[k, 0], at[plate], at[plate + 1] - at[plate]
         i, way = which[k, 1], ways[k]
         e = corners[first + (i + 1) % size] - corners[first + i] if size > 1 else u
@@ -98,6 +105,10 @@ def _rows(
                 dn = cross(cross(w, e), way) / sine
                 dn = dn - dot(dn, n) * n
         a = a + cross(w, u)
+        if len(rates):
+            belt = piece[6:]
+            a = a + dot(dn, belt) * n + dot(n, belt) * dn
+            v_P = v_P - belt + dot(n, belt) * n
         _axes(n, dn, alongs[plate], axes[k], turning)
         for c in range(3):
             d = axes[k, :, c].copy()
@@ -116,7 +127,7 @@ _READ, _LIST = array(2), array(1, written=True)
 rows = compiled(
     _rows,
     signature(
-        None, SPOTS, PLATES, array(1, COUNT), _READ, _READ, array(1), _READ,
+        None, SPOTS, PLATES, array(2, written=True), array(1, COUNT), _READ, _READ, array(1), _READ,
         array(3, written=True), array(2, written=True), _LIST, _LIST,
     ),
 )  # fmt: skip

@@ -80,7 +80,7 @@ class OnTerrain:
         R, p = state.joint_places(self.joints)
         plates = (R[self._of] @ self._arms[:, :, None])[:, :, 0] + p[self._of]
         ups = np.where(self._flat[:, None], (R[self._joint] @ self._ups[:, :, None])[:, :, 0], self._ups)
-        return Touches.of(self.terrain.polytopes, Plates(plates, self._at, ups, self._radii), margin), R, p
+        return Touches.of(self.terrain.polytopes, Plates(plates, self._at, ups, self._radii), margin, state.t), R, p
 
     def gaps(self, state: State, t: float) -> Array:
         """The gaps of `at`."""

@@ -1,22 +1,24 @@
-"""Convex pieces of terrain: corners, faces and edges, as arrays; and grids of heights, cut into prisms where needed."""
+"""Convex pieces of terrain, at rest or moving: corners, faces, edges, as arrays; grids of heights, in prisms where needed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, check_number, locked
+from rbd.arrays import Array, as_array, as_finite, as_vector3, check_number, locked, zeros
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import across
 from rbd.errors import InputError
 from rbd.model.meshes import flat_faces, solid_hull
 from rbd.model.placement import rigid_placement
+from rbd.model.state import FrameKinematics, State
 from rbd.problem.ground import Ground
+from rbd.problem.motions import Motion, Prescribed
 
 ON_FACE = 1e-9
 """Corners this near to a face, relative to the piece's size, are on it."""
@@ -24,6 +26,8 @@ SIDES = 48
 """Sides of the prism in place of a cylinder: its corners are on the cylinder, its faces up to 0.2 % of the radius inside."""
 LEAST_M = 1e-6
 """Treads, and cells of a grid of heights, are at least this wide [m]."""
+OVERLAPS_M = 1e-6
+"""Pieces that are deeper in each other overlap; less is rounding [m]."""
 BELOW_M = 1.0
 """The base of prisms of a grid of heights is this far below its lowest point [m]."""
 
@@ -37,6 +41,8 @@ class Piece:
         faces: (N, d), N x <= d inside, shape (f, 4) [1, m].
         vertices: Corners, shape (v, 3) [m]; none of a half-space.
         loops: Of each face its corners in order, counterclockwise as seen from outside.
+        moved: How far it has moved at a time; None: it stays.
+        rates: Velocity, acceleration, and the velocity of its surface over it, shape (9,) [m/s, m/s2, m/s]; None: all zero.
         edges: Of each edge two corners and two faces, shape (e, 4).
         box: Lowest and highest x, y, z, shape (6,) [m].
     """
@@ -45,6 +51,8 @@ class Piece:
     faces: Array
     vertices: Array
     loops: tuple[tuple[int, ...], ...]
+    moved: Prescribed | None = field(default=None, kw_only=True)
+    rates: Array | None = field(default=None, kw_only=True)
     edges: Array = field(init=False, repr=False)
     box: Array = field(init=False, repr=False)
 
@@ -57,6 +65,39 @@ class Piece:
         ends = (-np.inf, np.inf) if not len(self.vertices) else (self.vertices.min(axis=0), self.vertices.max(axis=0))
         self.__dict__.update(edges=edges, box=np.concatenate([np.broadcast_to(end, 3) for end in ends]))
 
+    def at(self, t: float) -> Piece:
+        """Where it is at a time [s], with its rates then; itself without a motion."""
+        if self.moved is None:
+            return self
+        s, velocity, acceleration = self.moved.at(t)
+        faces = np.column_stack([self.faces[:, :3], self.faces[:, 3] + self.faces[:, :3] @ s])
+        rates = np.concatenate([velocity, acceleration, np.zeros(3)])
+        return Piece(self.name, faces, self.vertices + s, self.loops, rates=rates)
+
+    def shift(self, t: float) -> Array:
+        """How far it has moved at a time [s], in W, shape (3,) [m]."""
+        return zeros(3) if self.moved is None else self.moved.at(t)[0]
+
+    def motion(self, state: State) -> FrameKinematics:
+        """Where it is and how it moves at the time of a state; a belt's surface excepted."""
+        X, rates = pin.SE3(np.eye(3), self.shift(state.t)), np.zeros((2, 6))
+        if self.moved is not None:
+            rates[:, :3] = self.moved.at(state.t)[1:]
+        return FrameKinematics(X, np.zeros((6, len(state.v))), *rates)
+
+    def moving(self, motion: Motion | None, velocity: Sequence[float] | Array | None) -> Piece:
+        """The same with a motion, or a velocity of its surface; one of the two is given.
+
+        Raises:
+            InputError: both or neither, or what is no motion and no velocity.
+        """
+        what = f"of piece {self.name!r:.80} of a terrain"
+        if motion is not None and velocity is None:
+            return replace(self, moved=Prescribed(f"motion {what}", motion, (3,)), rates=None)
+        if motion is not None or velocity is None:
+            raise InputError(f"the motion {what} wants motion= or velocity=, one of the two.")
+        return replace(self, moved=None, rates=np.concatenate([np.zeros(6), as_vector3(f"velocity {what}", velocity)]))
+
     @property
     def directions(self) -> Array:
         """The different directions of its edges, shape (d, 3)."""
@@ -67,6 +108,11 @@ class Piece:
             if not any(abs(abs(float(x @ y)) - 1.0) < 1e-14 for y in kept):
                 kept.append(x)
         return np.reshape(kept, (-1, 3))
+
+    @property
+    def kind(self) -> Hashable:
+        """The same for pieces that move alike; None at rest."""
+        return id(self.moved) if self.moved is not None else None if self.rates is None else tuple(self.rates.tolist())
 
     def depths(self, points: Array) -> Array:
         """The largest N x - d of points (..., 3): minus the depth inside [m]; outside no more than the distance."""
@@ -86,9 +132,47 @@ class Piece:
         return np.where(beside | (low > top + 1e-9) | np.isposinf(top), -np.inf, top)
 
 
+def overlaps_of(pieces: Sequence[Piece]) -> dict[tuple[str, str], float]:
+    """{names of two pieces: how deep they are in each other [m]}, by more than `OVERLAPS_M`; not of two half-spaces.
+
+    The depth is the shortest way along a face's normal, or across an edge of each, by which they come apart.
+    """
+    boxes, out = np.array([piece.box for piece in pieces]).reshape(-1, 6), dict[tuple[str, str], float]()
+    for i, one in enumerate(pieces):
+        apart = (boxes[i, :3] > boxes[i + 1 :, 3:]).any(axis=1) | (boxes[i, 3:] < boxes[i + 1 :, :3]).any(axis=1)
+        for j in (np.flatnonzero(~apart) + i + 1).tolist():
+            depth = _depth(one, pieces[j])
+            if depth > OVERLAPS_M:
+                out[one.name, pieces[j].name] = depth
+    return out
+
+
+def _depth(one: Piece, other: Piece) -> float:
+    """How far one is in the other; negative apart, minus infinity of two half-spaces."""
+    ways = []
+    for a, b in ((one, other), (other, one)):
+        if len(b.vertices):
+            ways.append(a.faces[:, 3] - (a.faces[:, :3] @ b.vertices.T).min(axis=1))
+    if len(one.vertices) and len(other.vertices):
+        n = np.cross(one.directions[:, None], other.directions[None]).reshape(-1, 3)
+        size = np.linalg.norm(n, axis=1)
+        n = n[size > 1e-6] / size[size > 1e-6, None]
+        a, b = n @ one.vertices.T, n @ other.vertices.T
+        ways += [a.max(axis=1) - b.min(axis=1), b.max(axis=1) - a.min(axis=1)]
+    return float(np.concatenate(ways).min()) if ways else -np.inf
+
+
 def half_space(name: str, ground: Ground) -> Piece:
     """What is below a plane."""
     return Piece(name, np.array([[*np.asarray(ground.normal), ground.height]]), np.zeros((0, 3)), ((),))
+
+
+def plane_at(point: Array, normal: Array, rates: Array | None) -> Ground:
+    """The plane of a face through a point, with the velocity and acceleration that its material has there."""
+    if rates is None:
+        return Ground(point=point, normal=normal)
+    belt = rates[6:] - float(rates[6:] @ normal) * normal
+    return Ground(point=point, normal=normal, velocity=rates[:3] + belt, acceleration=rates[3:6])
 
 
 def polytope(name: str, corners: Array, faces: Array | None = None) -> Piece:
@@ -121,11 +205,15 @@ def piece_of(name: str, given: object) -> Piece | Heights:
         InputError: another object, a moving ground, or a round shape.
     """
     if isinstance(given, Heights | Piece):
-        return given
+        return given if given.name == name else replace(given, name=name)
     if isinstance(given, Ground):
-        if given.point is None or given.moves:
-            raise InputError(f"piece {name!r:.80} of a terrain is {given!r:.80}; expected a plane at rest, with a point.")
-        return half_space(name, given)
+        if given.point is None or (given.moves and given.motion is None):
+            raise InputError(
+                f"piece {name!r:.80} of a terrain is {given!r:.80}; expected a plane with a point, at rest or with a motion "
+                "(for a belt, terrain.with_motion(name, velocity=...))."
+            )
+        plane = half_space(name, given)
+        return plane if given.motion is None else plane.moving(given.motion, None)
     shape, X = given if isinstance(given, tuple | list) and len(given) == 2 else (given, None)
     if isinstance(shape, pin.GeometryObject):
         shape, X = shape.geometry, shape.placement
@@ -252,6 +340,8 @@ class Polytopes(NamedTuple):
         loop_at: Where those of each face begin, shape (f + 1,).
         dirs: The different directions of edges, shape (d, 3).
         begins: Where faces, corners, edges and directions of each piece begin, shape (pieces + 1, 4).
+        kinds: A number that pieces of one motion and one velocity share, zero at rest, shape (pieces,).
+        rates: Velocity, acceleration, and velocity of the surface over it, of each, shape (pieces, 9); no rows if all rest.
     """
 
     boxes: Array
@@ -262,11 +352,13 @@ class Polytopes(NamedTuple):
     loop_at: Array
     dirs: Array
     begins: Array
+    kinds: Array
+    rates: Array
 
     @classmethod
     def of(cls, pieces: Sequence[Piece]) -> Polytopes:
         """The arrays of some pieces."""
-        directions = [piece.directions for piece in pieces]
+        directions, kinds = [piece.directions for piece in pieces], dict[Hashable, int]({None: 0})
         loops = [loop for piece in pieces for loop in piece.loops]
         counts = [(len(p.faces), len(p.vertices), len(p.edges), len(d)) for p, d in zip(pieces, directions, strict=True)]
         return cls(
@@ -278,7 +370,24 @@ class Polytopes(NamedTuple):
             np.concatenate([[0], np.cumsum([len(loop) for loop in loops])]).astype(int),
             np.concatenate([np.zeros((0, 3)), *directions]),
             np.vstack([np.zeros((1, 4), int), np.cumsum(np.reshape(counts, (-1, 4)), axis=0)]).astype(int),
+            np.array([kinds.setdefault(piece.kind, len(kinds)) for piece in pieces], int),
+            np.zeros((len(pieces) * (len(kinds) > 1), 9)),
         )
+
+    def at(self, pieces: Sequence[Piece], t: float) -> Polytopes:
+        """The arrays of pieces that move, at a time [s]; `self` are those of the same pieces, where they were given."""
+        shifts, rates = np.zeros((len(pieces), 3)), np.zeros((len(pieces), 9))
+        for i, piece in enumerate(pieces):
+            if piece.moved is not None:
+                found = piece.moved.at(t)
+                shifts[i], rates[i, :6] = found[0], found[1:].ravel()
+            elif piece.rates is not None:
+                rates[i] = piece.rates
+        of_faces, of_corners = (np.repeat(shifts, np.diff(self.begins[:, column]), axis=0) for column in (0, 1))
+        faces = self.faces.copy()
+        faces[:, 3] += np.vecdot(faces[:, :3], of_faces)
+        boxes, vertices = self.boxes + np.tile(shifts, 2), self.vertices + of_corners
+        return self._replace(boxes=boxes, faces=faces, vertices=vertices, rates=rates)
 
 
 class Spots(NamedTuple):

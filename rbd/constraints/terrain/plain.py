@@ -1,4 +1,7 @@
-"""Terrain as plain data, for files: its corners, faces and heights to the last bit."""
+"""Terrain as plain data, for files: its corners, faces and heights to the last bit; motions of pieces at times.
+
+Between these times a motion that is read is the polynomial of fifth order with the values and two derivatives at both.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import as_finite
+from rbd.arrays import Array, as_finite
 from rbd.constraints.terrain.pieces import Heights, Piece
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
+from rbd.problem.motions import Motion, Speed
 
 
-def plain_of(terrain: Terrain) -> dict[str, Any]:
-    """A terrain as numbers, words and lists."""
-    pieces = [[name, _data(solid)] for name, solid in zip(terrain.names, terrain.solids, strict=True)]
+def plain_of(terrain: Terrain, times: Array | None = None) -> dict[str, Any]:
+    """A terrain as numbers, words and lists; with motions at times that increase, shape (n,) [s]."""
+    pieces = [[name, _data(solid, times)] for name, solid in zip(terrain.names, terrain.solids, strict=True)]
     return {"friction": terrain.friction, "pieces": pieces}
 
 
-def _data(solid: Piece | Heights) -> dict[str, Any]:
-    names = ("z", "spacing", "origin") if isinstance(solid, Heights) else ("faces", "vertices")
-    loops = {} if isinstance(solid, Heights) else {"loops": [list(loop) for loop in solid.loops]}
-    return {name: getattr(solid, name).tolist() for name in names} | loops
+def _data(solid: Piece | Heights, times: Array | None) -> dict[str, Any]:
+    if isinstance(solid, Heights):
+        return {name: getattr(solid, name).tolist() for name in ("z", "spacing", "origin")}
+    out = {"faces": solid.faces.tolist(), "vertices": solid.vertices.tolist(), "loops": [list(loop) for loop in solid.loops]}
+    if solid.rates is not None and solid.rates[6:].any():
+        out["velocity"] = solid.rates[6:].tolist()
+    if solid.moved is not None and times is not None:
+        out["motion"] = [np.unique(times).tolist(), [solid.moved.at(t).tolist() for t in np.unique(times).tolist()]]
+    return out
 
 
 def terrain_of(given: object) -> Terrain:
@@ -45,4 +54,19 @@ def _solid(name: str, data: Any) -> Piece | Heights:
     loops = tuple([tuple([int(i) for i in loop]) for loop in data["loops"]])
     if len(loops) != len(faces) or not all(0 <= i < len(vertices) for loop in loops for i in loop):
         raise InputError(f"piece {name!r:.80} of a terrain names corners that it does not have")
-    return Piece(name, faces, vertices, loops)
+    piece = Piece(name, faces, vertices, loops)
+    if "velocity" in data:
+        return piece.moving(None, data["velocity"])
+    return piece.moving(_motion(*data["motion"]), None) if "motion" in data else piece
+
+
+def _motion(given: object, values: object) -> Motion:
+    from scipy.interpolate import BPoly
+
+    times = as_finite("times of a terrain's motion", given, ("n",))
+    known = as_finite("motion of a terrain's piece", values, (len(times), 3, 3))
+    if len(times) == 1:
+        return Speed(known[0, 1], start=known[0, 0] - known[0, 1] * times[0])
+    if not (np.diff(times) > 0.0).all():
+        raise InputError("the times of a motion of a terrain's piece do not increase")
+    return BPoly.from_derivatives(times, known)

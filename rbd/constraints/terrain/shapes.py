@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -86,21 +87,21 @@ class OnPieces:
         parts = []
         if len(self._radii):
             centres = (R[self._ball_body] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_body]
-            found = Touches.of(self.terrain.polytopes, Plates(centres, *self._of_balls), margin)
+            found = Touches.of(self.terrain.polytopes, Plates(centres, *self._of_balls), margin, state.t)
             parts += self._rows(state, found, self._ball_body, self._followed(found.which))
         if self._hulls:
-            found, which, pairs = self._on_hulls(R, p, margin)
+            found, which, pairs = self._on_hulls(R, p, margin, state.t)
             parts += self._rows(state, found, self._body[which[:, 5]], self._numbered(which))
             parts += self._paired(state, R, p, pairs, margin)
         return parts
 
-    def _on_hulls(self, R: Array, p: Array, margin: float) -> tuple[Touches, Array, Array]:
-        """(points of hulls, each of a plate of its own; `which` of them; pairs of a round or flat shape and a piece)."""
+    def _on_hulls(self, R: Array, p: Array, margin: float, t: float) -> tuple[Touches, Array, Array]:
+        """(points of hulls, each of a plate of its own; `which`; pairs of a round or flat shape and a piece), at a time [s]."""
         centres, reach, general = self._bounds
         places = (R[self._body] @ centres[:, :, None])[:, :, 0] + p[self._body]
         far, pairs = float(reach.max()) + margin, np.empty((0, 2), int)
         lines, ups = np.empty((0, 2, 3)), np.empty((0, 3))
-        arrays = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far)
+        arrays = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far, t)
         R, p = np.ascontiguousarray(R), np.ascontiguousarray(p)
 
         def run(out: Spots) -> int:
@@ -117,7 +118,7 @@ class OnPieces:
         k, which = len(spots.gaps), spots.which.copy()
         spots.which[:, 1], spots.which[:, 5] = 0, np.arange(k)
         plates = Plates(lines[:k].reshape(-1, 3), np.arange(0, 2 * k + 1, 2), ups[:k], np.zeros(k))
-        return Touches(plates, spots), which, pairs
+        return Touches(plates, spots, arrays.rates), which, pairs
 
     def _rows(self, state: State, found: Touches, body: Array, numbers: Array) -> list[Touching]:
         """The rows of points on pieces, if there are any; `body` of each of their plates."""
@@ -163,17 +164,21 @@ class OnPieces:
         out, times = [], Counter[str]()
         for s, piece in pairs.tolist():
             shape, solid = self._hulls[s], self._solid(piece)
-            b = int(self._body[s])
-            X, still = pin.SE3(R[b], p[b]), pin.SE3.Identity()
-            met = meeting(shape, X, solid, still, margin)
+            b, given = int(self._body[s]), self.terrain.pieces[piece]
+            X, under = pin.SE3(R[b], p[b]), given.motion(state)
+            met = meeting(shape, X, solid, under.X_WF, margin)
             if met is None:
                 continue
             numbers = []
             for at in met.crossings:
                 numbers.append(self._number((at.name, "pair", times[at.name])))
                 times[at.name] += 1
-            motions = self._between.motion(state, shape.joint), self._between.motion(state, 0)
-            out.append(points_of_pair(met, (shape, solid), motions, np.array(numbers), self.label))
+            motions = self._between.motion(state, shape.joint), under
+            found = points_of_pair(met, (shape, solid), motions, np.array(numbers), self.label)
+            if given.rates is not None:  # a belt; its velocity along the edge is taken as constant
+                belt = found.axes[0].T @ given.rates[6:]
+                found = replace(found, velocity=found.velocity - np.tile([belt[0], belt[1], 0.0], len(numbers)))
+            out.append(found)
         return out
 
     def _solid(self, piece: int) -> ConvexShape:

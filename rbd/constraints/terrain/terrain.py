@@ -1,24 +1,25 @@
-"""`Terrain`: ground that is not a plane: boxes, stairs, slopes, convex meshes and grids of heights, fixed to the world."""
+"""`Terrain`: ground that is not a plane: boxes, stairs, slopes, convex meshes, grids of heights; lifts and conveyors."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, locked
-from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Plates, Polytopes, piece_of
+from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_finite, check_flag, check_number, check_whole, lazy
+from rbd.constraints.terrain.pieces import LEAST_M, Heights, Piece, Plates, Polytopes, overlaps_of, piece_of, plane_at
 from rbd.constraints.terrain.terrain_files import file_path, mesh_pieces, world_pieces
 from rbd.constraints.terrain.touches import Touches
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError
-from rbd.errors.inputs import listed_items
+from rbd.errors.inputs import check_known, listed_items
 from rbd.problem.cones import check_friction
 from rbd.problem.ground import Ground
+from rbd.problem.motions import Motion
 
 SUNK_M = 0.02
 """A point that is less than this below a piece's top is on that piece; deeper, the next piece below counts [m]."""
@@ -27,10 +28,14 @@ DEEP_M = 2.0
 
 
 class Terrain(Displayed):
-    """Convex pieces fixed to the world, on which contacts stand: `on=` of a contact, `robot.feet`, `robot.soles`.
+    """Convex pieces, at rest or moving, on which contacts stand: `on=` of a contact, `robot.feet`, `robot.soles`.
 
     A contact touches each piece along that piece's own normal: a sole half over an edge rests on its part over the tread, a toe
-    beside a riser touches nothing. Pieces that meet at the same level are one surface: their seams have no contact points.
+    beside a riser touches nothing. Pieces that meet at the same level are one surface: their seams have no contact points, but
+    where the pieces move differently.
+
+    A piece moves, as a lift or a conveyor, by `with_motion`; contacts on it take it at the time of the state. What asks for
+    heights, planes or distances takes pieces where they were given: `terrain.at(t)` has them where they are at a time.
 
     Attributes:
         names: Of the pieces.
@@ -43,7 +48,7 @@ class Terrain(Displayed):
         friction: Of all contacts on it.
 
     Raises:
-        InputError: no pieces, round shapes, moving grounds, numbers that are not finite.
+        InputError: no pieces, round shapes, grounds with a velocity, numbers that are not finite.
 
     Example:
         >>> terrain = rbd.Terrain.stairs(rise=0.1, depth=0.3, n=3)
@@ -65,6 +70,7 @@ class Terrain(Displayed):
         self._pieces = [piece for piece in self.solids if isinstance(piece, Piece)]
         self._known: set[tuple[int, int, int]] = set()
         self._arrays: Polytopes | None = None
+        self._now: tuple[float, Polytopes] | None = None
         self._planes: dict[tuple[int, ...], int] = {}
         self._plane_of: dict[tuple[int, int], int] = {}
         self.names = tuple(str(name) for name in pieces)
@@ -209,7 +215,10 @@ class Terrain(Displayed):
     def __str__(self) -> str:
         friction = "each contact's own friction" if self.friction is None else f"friction {self.friction:g}"
         shown = ", ".join(self.names[:6]) + (", ..." if len(self.names) > 6 else "")
-        return f"terrain of {len(self.names)} piece{'s' * (len(self.names) != 1)} ({shown}), {friction}"
+        (a, b), depth = max(self.overlaps.items(), key=lambda each: each[1], default=(("", ""), 0.0))
+        more = f", and {len(self.overlaps) - 1} more do" if len(self.overlaps) > 1 else ""
+        deep = f"; {a!r:.80} and {b!r:.80} overlap by {depth:.3g} m{more}" if depth else ""
+        return f"terrain of {len(self.names)} piece{'s' * (len(self.names) != 1)} ({shown}), {friction}{deep}"
 
     def export(self, path: str | os.PathLike[str]) -> Path:
         """Write it as one page on which it can be turned, which needs no network; returns its path.
@@ -229,28 +238,114 @@ class Terrain(Displayed):
         """Open such a page in the browser; returns its path, in the folder of temporary files. Notebooks show it anyway."""
         return drawing("show_terrain")(self)
 
-    def polytopes(self, low: Array, high: Array) -> Polytopes:
+    @lazy
+    def overlaps(self) -> dict[tuple[str, str], float]:
+        """{names of two pieces: how deep they are in each other [m]}, where they were given, by more than 1e-6 m; no grids.
+
+        `print(terrain)` says it. What is above of both is touched as that of one solid, so it does no harm but to what begins
+        or comes deep inside of them: each pushes that out along its own nearest face, which can lead into the other.
+
+        Example:
+            >>> import coal
+            >>> print(rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0)), "step": coal.Box(0.4, 0.4, 0.2)}))
+            terrain of 2 pieces (floor, step), each contact's own friction; 'floor' and 'step' overlap by 0.1 m
+        """
+        return overlaps_of([solid for solid in self.solids if isinstance(solid, Piece)])
+
+    @property
+    def moves(self) -> bool:
+        """Whether a piece has a motion, or a velocity of its surface."""
+        return any(piece.kind is not None for piece in self._pieces)
+
+    @property
+    def carries(self) -> bool:
+        """Whether the surface of a piece runs over it, and takes along what stands there."""
+        return any(piece.rates is not None for piece in self._pieces)
+
+    @property
+    def jump(self) -> Callable[[float, float], float | None] | None:
+        """Gives a time in an interval at which a motion jumps [s], None if there is none; None where no piece moves."""
+        motions = [piece.moved for piece in self._pieces if piece.moved is not None]
+
+        def first(since: float, t: float) -> float | None:
+            return min((at for moved in motions if (at := moved.jump(since, t)) is not None), default=None)
+
+        return first if motions else None
+
+    def with_motion(
+        self, name: str, *, motion: Motion | None = None, velocity: Sequence[float] | Array | None = None
+    ) -> Terrain:
+        """The same terrain, of which a piece moves as a whole, or its surface runs over it.
+
+        Args:
+            name: Of the piece.
+            motion: How far it has moved from where it was given: t -> (3,) in W [m], or with its two derivatives (3, 3), a
+                spline, or `rbd.Speed`; as of `rbd.Ground`, at the time of the state, `State.t`. A lift, a shaker, a cart.
+            velocity: Of its surface, in W, shape (3,) [m/s]; on each face the part along that face. A conveyor.
+
+        Raises:
+            UnknownName: with the nearest names.
+            InputError: both or neither of the two, or what is no motion and no velocity; a grid of heights.
+
+        Example:
+            >>> floor = rbd.Terrain.boxes([(-1, -1, -1), (0, 1, 0)], [(0, -1, -1), (1, 1, 0)])
+            >>> lift = floor.with_motion("box 1", motion=lambda t: (0, 0, 0.1 * t**2))
+            >>> [round(float(lift.at(t).ground_at(0.5, 0.0).point[2]), 3) for t in (0.0, 2.0)]
+            [0.0, 0.4]
+        """
+        check_known("no piece", name, self.names)
+        solids = dict(zip(self.names, self.solids, strict=True))
+        piece = solids[name]
+        if not isinstance(piece, Piece):
+            raise InputError(f"piece {name!r:.80} of a terrain is a grid of heights, which stays; expected a convex piece.")
+        return Terrain(solids | {name: piece.moving(motion, velocity)}, self.friction)
+
+    def apart(self) -> list[Terrain]:
+        """Its pieces that stay, as one terrain, then each that has a motion, alone; itself where none has one."""
+        if self.jump is None:
+            return [self]
+        known = dict(zip(self.names, self.solids, strict=True))
+        moving = {piece.name for piece in self._pieces if piece.moved is not None}
+        still = {name: solid for name, solid in known.items() if name not in moving}
+        alone = [{name: known[name]} for name in self.names if name in moving]
+        return [Terrain(some, self.friction) for some in [still, *alone] if some]
+
+    def at(self, t: float) -> Terrain:
+        """The terrain as it is at a time [s]: its pieces where they are then; itself where none has a motion."""
+        if self.jump is None:
+            return self
+        solids = [solid.at(t) if isinstance(solid, Piece) else solid for solid in self.solids]
+        return Terrain(dict(zip(self.names, solids, strict=True)), self.friction)
+
+    def polytopes(self, low: Array, high: Array, t: float = 0.0) -> Polytopes:
         """All pieces as arrays, of grids of heights those that reach into a box of x and y.
 
         Args:
             low: Its lowest x and y [m].
             high: Its highest.
+            t: Time at which pieces that move are taken [s].
         """
         for number, grid in enumerate(self._fields):
             for i, j in grid.cells(low, high):
                 if (number, i, j) not in self._known:
                     self._known.add((number, i, j))
                     self._pieces += grid.prisms(i, j)
-                    self._arrays = None
+                    self._arrays = self._now = None
         if self._arrays is None:
             self._arrays = Polytopes.of(self._pieces)
-        return self._arrays
+        if not len(self._arrays.rates):
+            return self._arrays
+        if self._now is None or self._now[0] != t:
+            self._now = t, self._arrays.at(self._pieces, t)
+        return self._now[1]
 
     def plane(self, piece: int, face: int) -> int:
         """A number that faces of all pieces in one plane share; that of a piece's own for no face, -1."""
         known = self._plane_of.get((piece, face))
         if known is None:
-            key = tuple(np.round(self._pieces[piece].faces[face] * 1e7).astype(int).tolist()) if face >= 0 else (piece,)
+            own = self._pieces[piece]
+            key = tuple(np.round(own.faces[face] * 1e7).astype(int).tolist()) if face >= 0 else (piece,)
+            key = key if own.moved is None else (*key, id(own.moved))  # one that moves is in a plane of its own
             known = self._plane_of[piece, face] = self._planes.setdefault(key, len(self._planes))
         return known
 
@@ -301,7 +396,21 @@ class Terrain(Displayed):
         pieces = [near] if isinstance(near, Piece) else [p for cell in near.cells(xy, xy + 1e-9) for p in near.prisms(*cell)]
         p = np.array([x, y, tops[i]])
         best = min((abs(float(f[:3] @ p - f[3])), tuple(f[:3])) for piece in pieces for f in piece.faces if f[2] > 1e-9)
-        return Ground(point=p, normal=locked(np.array(best[1])))
+        return plane_at(p, np.array(best[1]), pieces[0].rates)
+
+
+def check_still(terrain: Terrain) -> None:
+    """Refuse a terrain of which a piece moves, where contacts are sought or checked in a whole motion on ground at rest.
+
+    Raises:
+        InputError: with the name of the piece.
+    """
+    for piece in terrain.pieces:
+        if piece.moved is not None or (piece.rates is not None and piece.rates[6:].any()):
+            raise InputError(
+                f"the ground of a motion is a terrain of which {piece.name!r:.80} moves; expected one at rest, or as it is "
+                "at a time: terrain.at(t)."
+            )
 
 
 def terrains_of(constraints: Iterable[object]) -> tuple[Terrain, ...]:

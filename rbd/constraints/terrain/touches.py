@@ -27,26 +27,28 @@ class Touches:
         normals: Out of the terrain, shape (k, 3).
         gaps: Along them, shape (k,) [m].
         which: As of `Spots`.
+        rates: Of the pieces, as of `Polytopes`.
     """
 
-    __slots__ = ("gaps", "normals", "places", "plates", "spots", "which")
+    __slots__ = ("gaps", "normals", "places", "plates", "rates", "spots", "which")
 
-    def __init__(self, plates: Plates, spots: Spots) -> None:
-        self.plates, self.spots = plates, spots
+    def __init__(self, plates: Plates, spots: Spots, rates: Array) -> None:
+        self.plates, self.spots, self.rates = plates, spots, rates
         self.places, self.normals, self.gaps, self.which, _ = spots
 
     @classmethod
-    def of(cls, pieces: Callable[[Array, Array], Polytopes], plates: Plates, margin: float) -> Touches:
-        """What is nearer than a margin [m], of the pieces in a box of x and y."""
+    def of(cls, pieces: Callable[[Array, Array, float], Polytopes], plates: Plates, margin: float, t: float = 0.0) -> Touches:
+        """What is nearer than a margin [m], of the pieces in a box of x and y at a time [s]."""
         far = margin + float(plates.radii.max(initial=0.0))
-        arrays = pieces(plates.corners.min(axis=0) - far, plates.corners.max(axis=0) + far)
+        arrays = pieces(plates.corners.min(axis=0) - far, plates.corners.max(axis=0) + far, t)
         touching = kernel("touching").touching
-        return cls(plates, filled(_ROOM * len(plates.ups), lambda out: int(touching(plates, margin, arrays, out))))
+        spots = filled(_ROOM * len(plates.ups), lambda out: int(touching(plates, margin, arrays, out)))
+        return cls(plates, spots, arrays.rates)
 
     def rows(
         self, state: State, joints: Sequence[int], body: Array, carries: Array, alongs: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """(R_WC (k, 3, 3), J (3k, nv), J v and J_dot v (3k,)) of the points, three rows each, in contact axes.
+        """(R_WC (k, 3, 3), J (3k, nv), velocity and J_dot v relative to the pieces (3k,)), three rows a point, in contact axes.
 
         Args:
             state: Where they were found.
@@ -58,7 +60,7 @@ class Touches:
         k, nv = len(self.gaps), len(state.v)
         out = np.empty((k, 3, 3)), np.empty((3 * k, nv)), np.empty(3 * k), np.empty(3 * k)
         J_W = state.joint_motion(joints)[2]
-        kernel("motion").rows(self.spots, self.plates, body, carries, J_W, state.v, alongs, *out)
+        kernel("motion").rows(self.spots, self.plates, self.rates, body, carries, J_W, state.v, alongs, *out)
         return out
 
 

@@ -372,7 +372,7 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
         out: Written: the points.
     """
     corners, at, ups, radii = plates
-    boxes, faces, vertices, edges, loops, loop_at, dirs, begins = pieces
+    boxes, faces, vertices, edges, loops, loop_at, dirs, begins, kinds, _ = pieces
     places, normals, gaps, which, _ = out
     k = 0
     low, high = np.empty(3), np.empty(3)
@@ -397,17 +397,18 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
             for m in range(begin, k):
                 gaps[m] -= radius
                 places[m] -= radius * normals[m]
-        k = joined(begin, k, up, len(P), faces, begins, out)
+        k = joined(begin, k, up, len(P), faces, begins, kinds, out)
         for m in range(begin, k):
             which[m, 5] = plate
     return k
 
 
 @compiled
-def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, out: Spots) -> int:
+def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, kinds: Array, out: Spots) -> int:
     """Drops points of one plate that are inside the surface that its pieces have together; their number.
 
-    A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there.
+    A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there. Where
+    the two move differently, points of outlines over a level seam of them stay: on either side.
     """
     places, normals, gaps, which, ways = out
     dropped, firsts, pieces = np.zeros(end - begin, np.bool_), np.empty(end - begin + 1, np.int64), 0
@@ -446,7 +447,7 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                     up_b, up_a = lift * (normals[h] - c * normals[m]), lift * (normals[m] - c * normals[h])
                     rise = max(within(x + up_b, own), within(x + up_a, others)) <= SEAM_M
                     dropped[m - begin] = not (rise and _is_face(normals[m], own) and _is_face(normals[h], others))
-            elif which[m, 0] != CORNER:
+            elif which[m, 0] != CORNER and kinds[a] == kinds[b]:
                 flat = size > 2 and _is_face(normals[m], own) and _is_face(normals[m], others)
                 dropped[m - begin] = flat or _is_there(places[m], h, min(m, firsts[i + 1]), begin, places, dropped)
             if dropped[m - begin]:
@@ -482,6 +483,6 @@ def _is_face(n: Array, faces: Array) -> bool:
 _ROWS, _LIST = array(2, written=True), array(1, written=True)
 _TABLE, _NUMBERS = array(2, COUNT, written=True), array(1, COUNT, written=True)
 PLATES = record(Plates, _ROWS, _NUMBERS, _ROWS, _LIST)
-POLYTOPES = record(Polytopes, _ROWS, _ROWS, _ROWS, _TABLE, _NUMBERS, _NUMBERS, _ROWS, _TABLE)
+POLYTOPES = record(Polytopes, _ROWS, _ROWS, _ROWS, _TABLE, _NUMBERS, _NUMBERS, _ROWS, _TABLE, _NUMBERS, _ROWS)
 SPOTS = record(Spots, _ROWS, _ROWS, _LIST, _TABLE, _ROWS)
 touching = compiled(_touching, signature(COUNT, PLATES, NUMBER, POLYTOPES, SPOTS))

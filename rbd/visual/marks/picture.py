@@ -114,7 +114,7 @@ class Picture:
             tuple(motor_torques(state, solution)),
             tuple(elements),
             tuple(surfaces_of(contacts, given)),
-            terrains_of(given.values()),
+            tuple(terrain.at(state.t) for terrain in terrains_of(given.values())),
             support_outline(contacts),
             (*unshown, *words, *left_out),
             state.robot.gravity,

@@ -263,8 +263,8 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
     }
     if sheet is not None:
         settings["sheet"] = sheet
-    scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
     scene.stand_on(*page.terrains)
+    scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
     if given.footprints and outlines:
         scene.draw(*outlines)
     return scene

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -63,6 +63,7 @@ class PageFrames:
         modes: {constraint: its mode at each frame}, contacts first.
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
         left_out: What of the forces has no picture, in words.
+        lifts: Pose of each piece of terrain that has a motion, shape (n, pieces, 7).
         ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
     """
 
@@ -76,18 +77,21 @@ class PageFrames:
     modes: Mapping[str, Sequence[str]]
     stretches: Mapping[str, Sequence[tuple[float, float, str]]]
     left_out: tuple[str, ...] = ()
+    lifts: Array = field(default_factory=lambda: np.zeros((0, 0, 7)))
     ghost: str = ""
 
     @lazy
     def rows(self) -> Array:
         """All that moves, one row a frame, shape (n, width).
 
-        Poses, centre of mass, then point and force of each point, then ends, axis and tension of each force element.
+        Poses, of pieces of terrain too, centre of mass, then point and force of each point, then ends, axis and tension of each
+        force element.
         """
         n = len(self.times)
         com = self.com if len(self.com) else np.full((n, 3), np.nan)
         tracks = [np.concatenate([t.points, t.forces], axis=2).reshape(n, -1) for t in (*self.contacts, *self.pushes)]
-        return np.column_stack([self.poses.reshape(n, -1), com, *tracks, *(element.rows for element in self.elements)])
+        poses = self.poses.reshape(n, -1), self.lifts.reshape(n, -1)
+        return np.column_stack([*poses, com, *tracks, *(element.rows for element in self.elements)])
 
 
 def frames_of(
@@ -143,7 +147,12 @@ def frames_of(
     pushes += [replace(t, points=_blend(t.points, low, share), forces=_blend(t.forces, low, share)) for t in shown.pushes]
     left_out += _unknown_elements(shown.source) if external is None else []
     words = (*left_out, *_without_points(shown), *_without_surfaces(shown))
-    return PageFrames(at, tuple(joints), poses, com, contacts, tuple(pushes), tuple(elements), modes, stretches, words)
+    moved = [solid for terrain in shown.terrains for solid in terrain.pieces if solid.moved is not None]
+    lifts = np.zeros((len(at), len(moved), 7))
+    lifts[:, :, 6] = 1.0
+    for i, piece in enumerate(moved):
+        lifts[:, i, :3] = [piece.shift(t) for t in at.tolist()]
+    return PageFrames(at, tuple(joints), poses, com, contacts, tuple(pushes), tuple(elements), modes, stretches, words, lifts)
 
 
 def _unknown_elements(trajectory: Any) -> list[str]:
@@ -169,7 +178,7 @@ def _without_surfaces(shown: ShownMotion) -> list[str]:
     for terrain in shown.terrains:
         for name, points in shown.points.items():
             at = loaded[name] & (np.abs(heights[name]) > OFF_GROUND)
-            heights[name][at] = terrain.distances(np.asarray(points)[at])
+            heights[name][at] = 0.0 if terrain.jump is not None else terrain.distances(np.asarray(points)[at])
     names = [name for name, height in heights.items() if (np.abs(height) > OFF_GROUND).any()]
     return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
 

@@ -11,10 +11,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.simulation.simulated_motion import OPEN, Event
 from rbd.visual.marks.applied_forces import RELAXED
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.picture import scale_note
+from rbd.visual.marks.shown_force import NOWHERE
 from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
 from rbd.visual.playback.curves import packed
 from rbd.visual.playback.motion_frames import (
@@ -218,7 +220,7 @@ class MotionPage:
     def terrains(self) -> tuple[ShownTerrain, ...]:
         """What is drawn of the terrains, around all that moves, where it is drawn."""
         places = self.frames.poses[:, :, :3].reshape(-1, 3)
-        own = tuple(ShownTerrain.about(terrain, places, self.shift) for terrain in self.shown.terrains)
+        own = tuple(ShownTerrain.about(part, places, self.shift) for t in self.shown.terrains for part in t.apart())
         return own if self.second is None else own + self.second.terrains
 
     def _floors(self) -> str:
@@ -226,7 +228,7 @@ class MotionPage:
         com = self.frames.com
         if not self.shown.terrains or not len(com):
             return ""
-        above = np.min([terrain.heights_of(com) for terrain in self.shown.terrains], axis=0)
+        above = np.min([_heights(terrain, com, self.frames.times) for terrain in self.shown.terrains], axis=0)
         return packed(np.where(np.isfinite(above), com[:, 2] - above, 0.0))
 
     def _stretches(self, name: str) -> list[tuple[float, float, int]]:
@@ -247,9 +249,16 @@ class MotionPage:
             "parts": [part for part in parts if part["body"] is not None],
             "fixed": [part for part in parts if part["body"] is None],
             "riders": [{"tree": t, "node": i, "body": body.get(j), "at": _pose(X)} for t, i, j, X in [*frames, *shapes]],
-            "bodies": len(joints),
+            "lifts": self._lifts(),
+            "bodies": len(joints) + self.frames.lifts.shape[1],
             "ghost": {"name": self.frames.ghost, "color": GHOST_COLOR, "bodies": own} if self.frames.ghost else None,
         }
+
+    def _lifts(self) -> list[dict[str, object]]:
+        """Of each piece of terrain that has a motion the path of its marks, and the number of its pose."""
+        places = [place for place, shown in enumerate(self.terrains) if shown.terrain.jump is not None]
+        first, known = len(self.frames.joints), self.frames.lifts.shape[1]
+        return [{"path": f"marks/terrain/{place}", "body": first + i} for i, place in enumerate(places[:known])]
 
     def _played(self) -> dict[str, object]:
         """Bodies, contacts, sizes, frames and events."""
@@ -286,7 +295,7 @@ class MotionPage:
             "support": SUPPORT_COLOR,
             "ground": self.ground,
             "floors": self._floors(),
-            "terrains": [one.title for one in self.terrains if one.terrain in self.shown.terrains],
+            "terrains": [ShownTerrain.about(terrain, NOWHERE).title for terrain in self.shown.terrains],
             "terrainColor": TERRAIN_COLOR,
             "sizes": {
                 **{name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")},
@@ -295,6 +304,13 @@ class MotionPage:
             },
             "note": " ".join([*said, *frames.left_out]),
         }
+
+
+def _heights(terrain: Terrain, com: Array, times: Array) -> Array:
+    """Heights of the centre of mass above a terrain at each frame; its pieces where they are then."""
+    if terrain.jump is None:
+        return terrain.heights_of(com)
+    return np.array([terrain.at(t).heights_of(point) for t, point in zip(times.tolist(), com, strict=True)])
 
 
 def _pose(X: pin.SE3) -> list[float]:

@@ -221,6 +221,11 @@ class Cast {
       part.object.position.copy(part.position).applyQuaternion(turn).add(at);
       part.object.quaternion.multiplyQuaternions(turn, part.turn);
     }
+    for (const { path, body } of this.motion.shift ? [] : this.motion.lifts || [])
+      for (const mark of ["solid", "grid", "edges"]) {
+        const object = this.stage.layers.object(`${path}/${mark}`);
+        if (object) object.position.set(row[7 * body], row[7 * body + 1], row[7 * body + 2]);
+      }
     let k = 7 * bodies;
     const com = [row[k], row[k + 1], row[k + 2]];
     if (this.ball) this.showCom(com, sizes, this.floors.length ? this.floors[frame] : 0);
