@@ -230,7 +230,7 @@ def test_the_robots_given_are_not_changed(talos):
 def test_loops_of_the_files_are_left_out_with_a_warning():
     """They name frames of one robot; silence would open the loops."""
     four_bar, box_robot = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5), box()
-    with pytest.warns(rbd.errors.ModelWarning, match="no loops or wheels of its own: 'coupler_pin'"):
+    with pytest.warns(rbd.errors.ModelWarning, match="no loops, wheels or drives of its own: 'coupler_pin'"):
         rbd.robots.merge_robots(four_bar, box_robot, names=("", "box_"))
 
 

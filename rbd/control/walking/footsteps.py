@@ -82,6 +82,11 @@ class Floor:
         """Whether it is terrain."""
         return isinstance(self.on, Terrain)
 
+    @property
+    def level(self) -> bool:
+        """Whether it is a plane along which gravity does nothing; of terrain that is not known."""
+        return isinstance(self.on, Ground) and abs(np.asarray(self.on.normal)[2]) > 1.0 - FLAT**2
+
     def top(self, x: float, y: float) -> float:
         """Height of what is at (x, y); minus infinity over a gap."""
         try:
@@ -150,7 +155,7 @@ def moved(x: float, y: float, yaw: float) -> pin.SE3:
     return pin.exp6(np.array([x, y, 0.0, 0.0, 0.0, yaw]))
 
 
-def footsteps(
+def steps_of(
     floor: Floor,
     poses: Mapping[str, pin.SE3],
     roles: Mapping[str, str],

@@ -233,7 +233,7 @@ class Planner:
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
         draft = WalkPlan(self.robot, swings, self.poses, t, None, self.yaw, self.fade)  # type: ignore[arg-type]
         number = {key: i for i, key in enumerate(shifts)}
-        points, touches, stance = [], [], []
+        points, touches, stance, normals = [], [], [], []
         for foot, contact in self.floor.feet.items():
             corners, own = np.asarray(contact.corners), swings[foot]
             inner = corners.mean(axis=0) + INNER * (corners - corners.mean(axis=0))
@@ -244,10 +244,13 @@ class Planner:
             which = np.array([number.get((foot, k - 1), -1) for k in landed])
             touches.append(np.repeat(on[:, None], len(inner), axis=1))
             stance.append(np.repeat(np.where(on, which, -1)[:, None], len(inner), axis=1))
+            ups = np.array([draft.placed(foot, x).rotation[:, 2] for x in t])
+            normals.append(np.repeat(ups[:, None], len(inner), axis=1))
         program = CentroidProgram(
             float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1),
             np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft), np.zeros((len(t), 3)),
             np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts), (False, True), start=start,
+            normals=None if self.floor.level else np.concatenate(normals, axis=1),
             costs=CentroidCosts(turning=TURNING * self.unit, shift=SHIFT * self.h),
         )  # fmt: skip
         found = program.solve(about)
