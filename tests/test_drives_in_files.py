@@ -239,7 +239,7 @@ def test_the_command_turns_the_drives(tmp_path: Path) -> None:
         "with crank_joint at 0.00 deg" in run.output and "crank_joint: 30 to 30 rad/s" in run.output
     )  # the input is the driven
     data = json.loads(numbers.read_text())
-    assert data["driven"]["driven"] == ["motor"] and data["driven"]["instantaneous"] == 0
+    assert data["driven"]["driven"] == "motor" and data["driven"]["instantaneous"] == 0
     a, r, ell = np.linspace(0, 2 * np.pi, 361), 0.05, 0.2
     speed = -RATE * r * np.sin(a) * (1 + r * np.cos(a) / np.sqrt(ell**2 - (r * np.sin(a)) ** 2))
     assert np.abs(np.array(data["rates"]["piston_joint"]) - [speed.min(), speed.max()]).max() < 1e-9

@@ -238,8 +238,8 @@ def test_what_cannot_be_walked_is_refused(talos: rbd.Robot, solo: rbd.Robot) -> 
         Walk(talos, gait="trot")
     with pytest.raises(ModelError, match="no feet are known for ur5"):
         Walk(rbd.load_robot("ur5"))
-    with pytest.raises(InputError, match=r"'left_sole' to \[1\.1.*is out of reach.*this foot at \["):
-        Walk(talos, [Footstep("left_sole", at(1.1, 0.085), 1.0, 1.7)])
+    with pytest.raises(InputError, match=r"'left_sole' to \[1\.4.*is out of reach.*this foot at \["):
+        Walk(talos, [Footstep("left_sole", at(1.4, 0.085), 1.0, 1.7)])
     with pytest.raises(InputError, match=r"is 30\.0 mm above the ground"):
         Walk(talos, [Footstep("left_sole", at(0.2, 0.085, 0.03), 1.0, 1.7)])
     with pytest.raises(InputError, match=r"is 30\.0 mm inside the ground"):
