@@ -148,6 +148,8 @@ def motions() -> Iterator[object]:
     yield from (task.terms(arm.at(), 0.0) for task in tasks)
     yield rbd.control.Reference(np.ones(3))
     yield rbd.control.ContactSchedule({"toe": [(0.0, 1.0)]})
+    walk = rbd.control.Walk(rbd.load_robot("solo12"), 1, gait="trot")
+    yield from (walk, walk.plan, walk.plan.footsteps[0], walk.gait)
     whole_body = rbd.control.WholeBodyController([posture])
     whole_body.accepted(rbd.control.AcceptedStep(arm.at(), 0.0, 0.01, {}))
     yield from (whole_body, whole_body.log)

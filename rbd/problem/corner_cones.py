@@ -166,7 +166,8 @@ class UnevenCone(_AtCorners):
         dim: Number of row forces: 6 of a patch; 5 of an edge along x, without the moment about it; 3 of a point.
 
     Example:
-        >>> valley = [pin.rpy.rpyToMatrix(0.0, angle, 0.0) for angle in (0.2, -0.2)]  # two planes, each 0.2 rad steep
+        >>> c, s = np.cos(0.2), np.sin(0.2)  # a valley of two planes, each 0.2 rad steep
+        >>> valley = [[[c, 0, s], [0, 1, 0], [-s, 0, c]], [[c, 0, -s], [0, 1, 0], [s, 0, c]]]
         >>> ball = rbd.problem.UnevenCone(np.zeros((2, 3)), valley, 0.0, dim=3)
         >>> ball.project(np.array([0.0, 0.0, 10.0])).round(6), ball.project(np.array([10.0, 0.0, 0.0])).round(3)
         (array([ 0.,  0., 10.]), array([0.395, 0.   , 1.947]))

@@ -113,7 +113,7 @@ def test_a_plan_is_a_motion(solo: rbd.Robot) -> None:
     assert plan.momentum(-1.0).value == pytest.approx(np.zeros(6))
 
 
-@pytest.mark.parametrize("gait", ["crawl", "trot", "pace"])
+@pytest.mark.parametrize("gait", ["crawl", "trot"])
 def test_quadrupeds_walk(solo: rbd.Robot, gait: str) -> None:
     """By each gait, as far as planned."""
     walk = Walk(solo, 4, gait=gait, friction=FRICTION)

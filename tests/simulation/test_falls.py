@@ -35,8 +35,8 @@ def test_shapes_whose_ball_is_far_change_no_bit(name):
     whole.points._given = (*plane.points._given[:5], np.full(len(plane.points.shapes), 1e3), *plane.points._given[6:])
     seen = 0
     for k in range(60):
-        q = pin.integrate(state.robot.model, state.q, 2e-3 * k * state.v)
-        found, every = (each.at(q, state.v, 0.05) for each in (plane, whole))
+        now = rbd.State(state.robot, pin.integrate(state.robot.model, state.q, 2e-3 * k * state.v), state.v)
+        found, every = (each.at(now, 0.05) for each in (plane, whole))
         assert (found is None) == (every is None)
         if found is not None and every is not None:
             seen += len(found.numbers)

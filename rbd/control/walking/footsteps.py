@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_number
 from rbd.constraints.surface import contact_axes
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.walking.gaits import Gait
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
+from rbd.model.placement import rigid_placement
 from rbd.problem.ground import Ground
 
 MARGIN = 0.015
@@ -37,20 +39,32 @@ class Footstep(Displayed):
 
     Attributes:
         foot: Name of the foot.
-        pose: Of its contact's centre, z along the ground's normal.
+        pose: Of its contact's centre, z along the ground's normal: pin.SE3 or shape (4, 4).
         start: When it is lifted [s].
         end: When it is to land [s].
 
+    Raises:
+        InputError: what is no name, no pose, no times; an end before its start.
+
     Example:
-        >>> step = rbd.control.Footstep("left_sole", pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.0])), 1.0, 1.7)
-        >>> round(step.end - step.start, 3)
-        0.7
+        >>> pose = np.eye(4)
+        >>> pose[:3, 3] = 0.05, 0.085, 0.0
+        >>> step = rbd.control.Footstep("left_sole", pose, 1.0, 1.7)
+        >>> print(rbd.control.Walk(rbd.load_robot("talos"), [step]))
+        talos takes 1 step in 2.60 s, its centre of mass moves by 0.032 m
     """
 
     foot: str
     pose: pin.SE3
     start: float
     end: float
+
+    def __post_init__(self) -> None:
+        check_kind("foot of a Footstep", self.foot, str, "the name of a foot, e.g. 'left_sole'")
+        X, said = rigid_placement(f"pose of the step of {self.foot!r:.80}", self.pose), f"of the step of {self.foot!r:.80}"
+        start = check_number(f"start {said}", self.start, -1e6, 1e6, expected="a time [s]")
+        end = check_number(f"end {said}", self.end, start + 1e-3, 1e6, expected="a time after its start [s]")
+        self.__dict__.update(pose=X, start=start, end=end)
 
 
 @dataclass(frozen=True, eq=False)

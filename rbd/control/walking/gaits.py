@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array, check_number
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
+from rbd.errors.inputs import listed_items
 from rbd.model.state import State
 
 TWO, FOUR = ("left", "right"), ("front_left", "front_right", "hind_left", "hind_right")
@@ -46,10 +47,12 @@ class Gait(Displayed):
     stride: float = 0.23
 
     def __post_init__(self) -> None:
-        order = tuple(tuple([group] if isinstance(group, str) else group) for group in self.order)
+        said = "order of a gait"
+        groups = listed_items(said, self.order, "groups of feet, e.g. (('left',), ('right',))")
+        order = tuple(tuple(listed_items(said, group, "groups of feet", alone=True)) for group in groups)
         object.__setattr__(self, "order", order)
         feet = [foot for group in order for foot in group]
-        if sorted(feet) not in (sorted(TWO), sorted(FOUR)):
+        if sorted(map(str, feet)) not in (sorted(TWO), sorted(FOUR)):
             raise InputError(
                 f"order of a gait has the feet {', '.join(map(repr, feet))[:120]}; expected each of {', '.join(TWO)} once, or "
                 f"each of {', '.join(FOUR)}."

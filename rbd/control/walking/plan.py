@@ -62,6 +62,11 @@ FASTEST = 0.8
 class WalkPlan(Displayed):
     """Footsteps, and the centre of mass over them.
 
+    Example:
+        >>> plan = rbd.control.Walk(rbd.load_robot("solo12"), 2, gait="trot").plan
+        >>> [(step.foot, round(step.start, 2)) for step in plan.footsteps[:2]], plan.com(0.0).velocity.round(3) + 0.0
+        ([('front_left', 0.44), ('hind_right', 0.44)], array([0., 0., 0.]))
+
     Attributes:
         robot: Whose plan it is.
         swings: {foot: its ways through the air, in order}.

@@ -28,6 +28,7 @@ from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.mechanism.pose_search import find_pose
 from rbd.model.state import State
 from rbd.problem.ground import Ground
+from rbd.records import counted
 from rbd.robots.robot import Robot
 
 OFF, FAR = 0.02, 0.04
@@ -38,7 +39,7 @@ STARTS = 3.0
 """When the first foot is lifted [sqrt(h / g)]."""
 RISE = 0.18
 """A foot is put at most so much higher or lower than the others, over h."""
-REACHED = 0.05
+REACHED = 0.1
 """A footstep is out of reach where feet or the centre of mass are off by more in every pose, over h."""
 LONGEST, TURNS = 2.0, 0.5
 """The body moves in one swing by at most so many strides of its gait, and turns by this [rad]."""
@@ -203,10 +204,8 @@ class Walk(Displayed):
 
     def __str__(self) -> str:
         plan, again = self._first, f"; planned {len(self.plans)} times more on the way" if self.plans else ""
-        return (
-            f"{self.robot.name} takes {len(plan.footsteps)} steps in {plan.duration:.2f} s, its centre of mass moves by "
-            f"{np.linalg.norm((plan.centroid.com[-1] - plan.centroid.com[0])[:2]):.3f} m{again}"
-        )
+        taken, moved = counted(len(plan.footsteps), "step"), np.linalg.norm((plan.centroid.com[-1] - plan.centroid.com[0])[:2])
+        return f"{self.robot.name} takes {taken} in {plan.duration:.2f} s, its centre of mass moves by {moved:.3f} m{again}"
 
     def _advance(self, velocity: Any) -> Array:
         """How far the body moves forwards and aside, and turns, in one swing and overlap [m, rad]."""
