@@ -79,7 +79,7 @@ class CentroidPlan(Displayed):
         cost: Half the sum of squares that the program minimises.
         residual: Largest error of the balance of forces and of moments about the plan's own centre of mass, over the weight,
             and over the weight times 0.3 m: what the linearised moment leaves.
-        start: Angular momentum at the first time, shape (3,) [N m s].
+        start: Angular momentum at the first time, shape (3,) [N m s]; zero where the program was given none.
     """
 
     com: Array
@@ -89,7 +89,7 @@ class CentroidPlan(Displayed):
     status: str
     cost: float
     residual: float
-    start: Array = field(default_factory=lambda: np.zeros(3))
+    start: Array
 
     def __repr__(self) -> str:
         n, k, _ = self.forces.shape
@@ -243,7 +243,7 @@ class CentroidProgram(Displayed):
         f[k, i] = unit * x[6 * n : shift].reshape(E, 3)
         plan = CentroidPlan(
             x[: 3 * n].reshape(n, 3), unit * x[3 * n : 6 * n].reshape(n, 3), f, x[shift:over].reshape(S, 2), status,
-            float(found.obj_val + 0.5 * t @ t), np.inf,
+            float(found.obj_val + 0.5 * t @ t), np.inf, np.zeros(3) if self.start is None else self.start[2],
         )
         return replace(plan, residual=self._residual(plan))
 

@@ -41,16 +41,6 @@ def solo() -> rbd.Robot:
     return rbd.load_robot("solo12")
 
 
-@pytest.fixture(scope="module")
-def talos() -> rbd.Robot:
-    return rbd.load_robot("talos")
-
-
-@pytest.fixture(scope="module")
-def g1() -> rbd.Robot:
-    return rbd.load_robot("g1")
-
-
 def test_a_foot_moves_smoothly() -> None:
     """Velocity and acceleration of its way are the differences of its places, also where it is sent elsewhere."""
     begin, end = pin.SE3.Identity(), pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.2, 0.05, 0.02]))

@@ -23,9 +23,9 @@ from rbd.problem.ground import Ground
 MARGIN = 0.015
 """A sole is put down so far from edges [m] ..."""
 ASIDE = 0.2
-"""... and for that at most so far before or behind where it was wanted [m] ..."""
+"""... and for that at most so far before or behind where it was wanted [m]."""
 TRIED = 41
-"""... in so many places."""
+"""Number of places that are tried from there to there."""
 FLAT = 1e-6
 """Corners on one plane are no farther from it [m] ..."""
 BUMPS = 1e-3

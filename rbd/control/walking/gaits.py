@@ -80,7 +80,7 @@ GAITS = {
 
 
 def gait_of(gait: object, feet: int) -> Gait:
-    """A gait, given as such, by its name, or None for the usual one of so many feet.
+    """The gait that is given as a `Gait` or by its name; for None the usual one of this number of feet.
 
     Raises:
         InputError: others, or one of another number of feet.

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
-from rbd.control.contact_schedule import ContactSchedule, Interval
+from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.schedules import INSTANT
 from rbd.control.task_terms import Reference
 from rbd.control.walking.footsteps import Floor, Footstep
@@ -22,6 +22,7 @@ from rbd.control.walking.swings import Swing, smooth
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import minimum_jerk_way
 
 INNER = 0.75
 """Forces of the plan act at the corners of soles made smaller by this."""
@@ -73,7 +74,6 @@ class WalkPlan(Displayed):
         poses: {foot: pose of its contact's centre at the start}.
         t: Times, shape (n,) [s].
         centroid: Centre of mass, rate of angular momentum and forces at these times.
-        yaw: Heading at the start [rad].
         fade: Forces of feet rise and fall within this time [s].
         until: From when on it knows no more steps though there are [s]; infinite where it has all.
     """
@@ -83,7 +83,6 @@ class WalkPlan(Displayed):
     poses: Mapping[str, pin.SE3]
     t: Array
     centroid: CentroidPlan
-    yaw: float
     fade: float
     until: float = math.inf
 
@@ -101,11 +100,15 @@ class WalkPlan(Displayed):
     @lazy
     def schedule(self) -> ContactSchedule:
         """When which foot carries."""
-        times = dict[str, list[Interval]]()
-        for foot, own in self.swings.items():
-            lands, lifted = [-math.inf, *(s.landing for s in own)], [*(s.start for s in own), math.inf]
-            times[foot] = list(zip(lands, lifted, strict=True))
+        times = {foot: [(lands, lifted) for _, lands, lifted in self.stays(foot)] for foot in self.swings}
         return ContactSchedule(times, fade=self.fade, flight=True)
+
+    def stays(self, foot: str) -> list[tuple[pin.SE3, float, float]]:
+        """(pose, first time, last time) of each stay of a foot on the ground."""
+        own = self.swings[foot]
+        poses = [self.poses[foot], *(s.end for s in own)]
+        first, last = [-math.inf, *(s.landing for s in own)], [*(s.start for s in own), math.inf]
+        return list(zip(poses, first, last, strict=True))
 
     @lazy
     def _com(self) -> CubicSpline:
@@ -143,16 +146,16 @@ class WalkPlan(Displayed):
         s = self.swing(foot, t)
         return self.poses[foot] if s is None else s.at(min(max(t, s.start), s.landing))[0]
 
-    def heading(self, floor: Floor, t: float) -> float:
-        """Mean heading of the soles [rad]; of points, from their places."""
+    def turn(self, floor: Floor, t: float) -> float:
+        """By how much the soles have turned since the start, in the mean [rad]; of points, from their places."""
         soles = [f for f, contact in floor.feet.items() if len(contact.corners) > 1]
         if soles:
             turns = [self.placed(f, t).rotation @ self.poses[f].rotation.T for f in soles]
-            return self.yaw + float(np.mean([math.atan2(R[1, 0], R[0, 0]) for R in turns]))
+            return float(np.mean([math.atan2(R[1, 0], R[0, 0]) for R in turns]))
         now = [self.placed(f, t) for f in self.poses]
         a, b = (np.array([X.translation[:2] for X in each]) for each in (self.poses.values(), now))
         a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-        return self.yaw + math.atan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+        return math.atan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,15 +186,15 @@ class Planner:
     lift: float
     fade: float
 
-    def over(self, steps: Sequence[Footstep], at: float = 0.0) -> WalkPlan:
+    def over(self, steps: Sequence[Footstep]) -> WalkPlan:
         """A plan over footsteps, from rest to rest."""
         swings: dict[str, list[Swing]] = {foot: [] for foot in self.poses}
         for step in sorted(steps, key=lambda step: step.start):
             begin = swings[step.foot][-1].end if swings[step.foot] else self.poses[step.foot]
             swings[step.foot].append(self.way(step.foot, begin, step.pose, step.start, step.end - step.start))
-        end = max((s.end for s in steps), default=at) + REST * self.unit
+        end = max((s.end for s in steps), default=0.0) + REST * self.unit
         ready = {foot: tuple(own) for foot, own in swings.items()}
-        return self.plan(ready, at, end, (self.com, np.zeros(3), np.zeros(3)), EVERY, {})[0]
+        return self.plan(ready, 0.0, end, (self.com, np.zeros(3), np.zeros(3)), EVERY, {})[0]
 
     def way(self, foot: str, begin: pin.SE3, end: pin.SE3, start: float, T: float) -> Swing:
         """From one foothold to the next, over what lies between."""
@@ -209,7 +212,7 @@ class Planner:
             out = replace(out, forward=forward, high=high)
             u = start + T * share
             z = np.array([out.at(x)[0].translation[2] for x in u])
-            s = np.array([smooth(x - start - forward[0] * T, (forward[1] - forward[0]) * T)[0] for x in u])
+            s = minimum_jerk_way(((share - forward[0]) / (forward[1] - forward[0])).clip(0.0, 1.0))
             if (z > np.interp(s, share, tops) - 1e-3)[(s > 0.0) & (s < 1.0)].all():
                 break
         return out
@@ -222,7 +225,6 @@ class Planner:
         start: tuple[Array, Array, Array],
         every: float,
         shifts: Mapping[tuple[str, int], float],
-        about: CentroidPlan | None = None,
     ) -> tuple[WalkPlan, dict[tuple[str, int], Array]]:
         """(plan, by how far footholds are shifted) between two times.
 
@@ -233,44 +235,44 @@ class Planner:
             start: Centre of mass, its velocity, and angular momentum at the first time.
             every: Time between two of its times [sqrt(h / g)].
             shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
-            about: Where moments are linearised first.
         """
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
-        draft = WalkPlan(self.robot, swings, self.poses, t, None, self.yaw, self.fade)  # type: ignore[arg-type]
+        draft = WalkPlan(self.robot, swings, self.poses, t, None, self.fade)  # type: ignore[arg-type]
         number = {key: i for i, key in enumerate(shifts)}
-        points, touches, stance, normals = [], [], [], []
+        points, touches, stance, normals, placed = [], [], [], [], dict[str, list[pin.SE3]]()
         for foot, contact in self.floor.feet.items():
             corners, own = np.asarray(contact.corners), swings[foot]
             inner = corners.mean(axis=0) + INNER * (corners - corners.mean(axis=0))
-            points.append(np.array([[draft.placed(foot, x).act(p) for p in inner] for x in t]))
+            placed[foot] = [draft.placed(foot, x) for x in t]
+            points.append(np.array([[X.act(p) for p in inner] for X in placed[foot]]))
             begun = np.searchsorted([s.start + INSTANT for s in own], t)
             landed = np.searchsorted([s.landing - INSTANT for s in own], t)
             on = begun <= landed
             which = np.array([number.get((foot, k - 1), -1) for k in landed])
             touches.append(np.repeat(on[:, None], len(inner), axis=1))
             stance.append(np.repeat(np.where(on, which, -1)[:, None], len(inner), axis=1))
-            ups = np.array([draft.placed(foot, x).rotation[:, 2] for x in t])
+            ups = np.array([X.rotation[:, 2] for X in placed[foot]])
             normals.append(np.repeat(ups[:, None], len(inner), axis=1))
         program = CentroidProgram(
             float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1),
-            np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft), np.zeros((len(t), 3)),
-            np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts), (False, True), start=start,
-            normals=None if self.floor.level else np.concatenate(normals, axis=1),
+            np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft, placed),
+            np.zeros((len(t), 3)), np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts),
+            (False, True), start=start, normals=None if self.floor.level else np.concatenate(normals, axis=1),
             costs=CentroidCosts(turning=TURNING * self.unit, shift=SHIFT * self.h),
         )  # fmt: skip
-        found = program.solve(about)
+        found = program.solve()
         for _ in range(PASSES):
             if found.residual < AGREED:
                 break
             found = program.solve(found)
         moved = {key: found.shifts[i] for key, i in number.items()}
-        return replace(draft, centroid=replace(found, start=start[2])), moved
+        return replace(draft, centroid=found), moved
 
-    def _reference(self, draft: WalkPlan) -> Array:
+    def _reference(self, draft: WalkPlan, placed: Mapping[str, Sequence[pin.SE3]]) -> Array:
         """Over the middle of the feet, at the height at which it stands."""
         t, middle = draft.t, []
-        for foot in self.poses:
-            places = np.array([draft.placed(foot, x).translation for x in t])
+        for foot, poses in placed.items():
+            places = np.array([X.translation for X in poses])
             for k, x in enumerate(t):  # of the footholds, not of the foot in the air
                 way = draft.swing(foot, x)
                 if way is not None:
@@ -278,10 +280,10 @@ class Planner:
                     places[k, 2] = a + smooth(x - way.start, way.T)[0] * (b - a)
             middle.append(places)
         place, feet = np.mean(middle, axis=0), np.mean([X.translation for X in self.poses.values()], axis=0)
-        turned = np.array([draft.heading(self.floor, x) for x in t]) - self.yaw
+        turned = np.array([draft.turn(self.floor, x) for x in t])
         (x, y, z), c, s = self.com - feet, np.cos(turned), np.sin(turned)
         low = SAG * self.h if self.floor.uneven else 0.0
-        begins = np.array([smooth(each, REST * self.unit)[0] for each in t])
+        begins = minimum_jerk_way((t / (REST * self.unit)).clip(0.0, 1.0))
         return np.asarray(place + np.column_stack([c * x - s * y, s * x + c * y, z - low * begins]))
 
     def _bounds(self, draft: WalkPlan, shifts: Mapping[tuple[str, int], float]) -> tuple[Array, Array] | None:
@@ -304,16 +306,16 @@ class Planner:
                 add({key: way}, -far)
         two, stood = len(self.poses) == 2, {f: X.translation for f, X in self.poses.items()}
         for one, other in combinations(self.poses, 2):
-            own, others = ([(k - 1, *each) for k, each in enumerate(self._stays(draft, f))] for f in (one, other))
+            own, others = ([(k - 1, *each) for k, each in enumerate(draft.stays(f))] for f in (one, other))
             for i, X, first, last in own:
                 for j, Y, begins, ends in others:
                     if max(first, begins) > min(last, ends) + 0.5 * self.unit:
                         continue
-                    turn = draft.heading(self.floor, max(first, begins, draft.t[0])) - self.yaw
+                    turn = draft.turn(self.floor, max(first, begins, draft.t[0]))
                     R = pin.rpy.rpyToMatrix(0.0, 0.0, turn)[:2, :2]
                     want = R @ (stood[one] - stood[other])[:2]
                     body = R @ pin.rpy.rpyToMatrix(0.0, 0.0, self.yaw)[:2, :2]
-                    off = (X - Y)[:2] - want
+                    off = (X.translation - Y.translation)[:2] - want
                     for axis, most, aside in zip(body.T, (FORWARD, OUTWARD), (False, two), strict=True):
                         apart = float(axis @ want)
                         for sign in (1.0, -1.0):
@@ -321,13 +323,6 @@ class Planner:
                             bound = INWARD * abs(apart) if inward else most * self.h
                             add({(one, i): sign * axis, (other, j): -sign * axis}, min(-bound - sign * float(axis @ off), 0.0))
         return np.array(rows), np.array(least)
-
-    def _stays(self, draft: WalkPlan, foot: str) -> list[tuple[Array, float, float]]:
-        """(place, first time, last time) of each stay of a foot on the ground."""
-        own = draft.swings[foot]
-        places = [self.poses[foot], *(s.end for s in own)]
-        first, last = [-math.inf, *(s.landing for s in own)], [*(s.start for s in own), math.inf]
-        return [(X.translation, a, b) for X, a, b in zip(places, first, last, strict=True)]
 
     def again(self, plan: WalkPlan, t: float, com: Array, v: Array, L: Array, hurry: bool) -> WalkPlan:
         """A plan from a state on the way: footholds that are still to come are shifted as balance needs.
@@ -343,18 +338,15 @@ class Planner:
         Raises:
             NoSolution: there is none.
         """
-        found = list[tuple[float, WalkPlan]]()
+        found, failed = list[WalkPlan](), list[NoSolution]()
         for by in self._sooner(plan, t) if hurry else (0.0,):
             try:
-                each = self._again(sooner(plan, t, by), t, (com, v, L))
+                found.append(self._again(sooner(plan, t, by), t, (com, v, L)))
             except NoSolution as error:
-                if not (found or by):
-                    failed = error
-                continue
-            found.append((each.centroid.cost, each))
+                failed.append(error)
         if not found:
-            raise failed
-        return min(found, key=lambda one: one[0])[1]
+            raise failed[0]
+        return min(found, key=lambda each: each.centroid.cost)
 
     def _sooner(self, plan: WalkPlan, t: float) -> list[float]:
         """By how much sooner feet may be put down that are in the air; where none is, the next be lifted [s]."""

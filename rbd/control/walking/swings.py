@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,16 +16,10 @@ DEEPEST = 0.02
 """And how far at most [m]."""
 
 
-def smooth(t: float, T: float) -> Array:
-    """From 0 to 1 in a time T, at rest at both ends, by a polynomial of degree five: value, rate, acceleration; shape (3,)."""
-    u = min(max(t / T, 0.0), 1.0)
-    return np.array([u**3 * (10 - 15 * u + 6 * u**2), 30 * (u - u**2) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2])
+def to_rest(t: float, T: float, way: Any, v: Any, a: Any) -> Array:
+    """Displacement, velocity and acceleration after t of a motion that covers a way in a time T and ends at rest.
 
-
-def to_rest(t: float, T: float, way: Array, v: Array, a: Array) -> Array:
-    """Displacement, velocity and acceleration after t of a motion that covers a way in a time T and ends at rest, shape (3, 3).
-
-    It begins with a velocity v and an acceleration a: a polynomial of degree five.
+    It begins with a velocity v and an acceleration a: a polynomial of degree five; numbers, or arrays of one shape.
     """
     if t >= T:
         return np.array([way, 0.0 * way, 0.0 * way])
@@ -38,6 +33,11 @@ def to_rest(t: float, T: float, way: Array, v: Array, a: Array) -> Array:
         (v + a * u + 3.0 * c3 * u**2 + 4.0 * c4 * u**3 + 5.0 * c5 * u**4) / T,
         (a + 6.0 * c3 * u + 12.0 * c4 * u**2 + 20.0 * c5 * u**3) / T**2,
     ])  # fmt: skip
+
+
+def smooth(t: float, T: float) -> Array:
+    """From 0 to 1 in a time T, at rest at both ends: value, rate, acceleration, shape (3,)."""
+    return to_rest(max(t, 0.0), T, 1.0, 0.0, 0.0)
 
 
 def bump(t: float, T: float) -> Array:

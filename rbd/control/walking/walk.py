@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -42,7 +42,7 @@ RISE = 0.18
 REACHED = 0.1
 """A footstep is out of reach where feet or the centre of mass are off by more in every pose, over h."""
 LONGEST, TURNS = 2.0, 0.5
-"""The body moves in one swing by at most so many strides of its gait, and turns by this [rad]."""
+"""Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]."""
 
 
 class Walk(Displayed):
@@ -250,11 +250,7 @@ class Walk(Displayed):
         plan, near = self._first, self.state
         for step in plan.footsteps:
             for t in (step.start, step.end):
-                places = {foot.name: plan.placed(foot.name, t) for foot in self.contacts}
-                targets: dict[Any, Any] = {
-                    foot.name: places[foot.name] if len(foot.corners) > 1 else places[foot.name].translation
-                    for foot in self.contacts
-                }
+                targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
                 except CannotReach as error:
@@ -297,7 +293,7 @@ class Walk(Displayed):
     def _turned(self, R: Array, t: float) -> Reference:
         """How the base is turned: with the feet."""
         floor, dt = self._planner.floor, 1e-3
-        before, turn, after = (self.plan.heading(floor, t + by) - self.plan.yaw for by in (-dt, 0.0, dt))
+        before, turn, after = (self.plan.turn(floor, t + by) for by in (-dt, 0.0, dt))
         rate = np.array([0.0, 0.0, (after - before) / (2.0 * dt)])
         return Reference(pin.rpy.rpyToMatrix(0.0, 0.0, turn) @ R, rate, np.zeros(3))
 
@@ -315,8 +311,13 @@ def contacts_at(state: State, feet: Sequence[Contact]) -> dict[str, pin.SE3]:
     return {f.name: state.frame(f.frame).X_WF * f.placement * pin.SE3(np.eye(3), f.corners.mean(axis=0)) for f in feet}
 
 
+def places_of(feet: Sequence[Contact], poses: Mapping[str, pin.SE3]) -> dict[Any, Any]:
+    """Targets of `find_pose`: poses of soles, places of points."""
+    return {f.name: poses[f.name] if len(f.corners) > 1 else poses[f.name].translation for f in feet}
+
+
 def standing_on(robot: Robot, on: Ground | Terrain) -> State:
-    """The standing posture on a plane or terrain, in place.
+    """The standing posture on a plane or terrain, in place, its centre of mass as high over the feet as on level ground.
 
     Raises:
         CannotReach: the ground is too uneven there.
@@ -330,5 +331,4 @@ def standing_on(robot: Robot, on: Ground | Terrain) -> State:
         q = state.q.copy()
         q[2] += rise.mean()
         return State(robot, q)
-    targets: dict[Any, Any] = {f.name: wanted[f.name] if len(f.corners) > 1 else wanted[f.name].translation for f in feet}
-    return find_pose(robot, targets, posture=state, com=state.com + [0.0, 0.0, rise.mean()]).state
+    return find_pose(robot, places_of(feet, wanted), posture=state, com=state.com + [0.0, 0.0, rise.mean()]).state
