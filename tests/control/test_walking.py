@@ -224,6 +224,8 @@ def test_what_cannot_be_walked_is_refused(talos: rbd.Robot, solo: rbd.Robot) -> 
     """By name, with the limit."""
     with pytest.raises(InputError, match=r"expected at most 0\.4\d+ m/s forwards"):
         Walk(talos, 6, (2.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="has no floating base"):
+        Walk(rbd.load_robot("solo12", root="fixed"))
     with pytest.raises(InputError, match="gait is 'trot', of a robot with 2 feet"):
         Walk(talos, gait="trot")
     with pytest.raises(ModelError, match="no feet are known for ur5"):

@@ -115,6 +115,8 @@ class Walk(Displayed):
         check_number("friction of Walk", friction, 1e-3, 1e3, expected="a coefficient above 0")
         on = terrain if isinstance(terrain, Terrain) else plane_of("Walk", terrain)
         self.robot, self.contacts = robot, robot.feet(friction=friction, on=on)
+        if not robot.floating:
+            raise InputError(f"{robot.name} has no floating base, and cannot walk; load it without root=.")
         if state is None:
             state = standing_on(robot, on)
         check_kind("state of Walk", state, State, "a State of its robot")
