@@ -96,7 +96,9 @@ def difference(one: Any, other: Any, where: str = "it") -> str:
     elif isinstance(one, pin.Model | pin.SE3 | pin.Inertia | pin.Motion | pin.Force):
         return "" if one == other else f"{where} differs"
     elif isinstance(one, partial):
-        return difference((one.args, one.keywords), (other.args, other.keywords), where) if one.func is other.func else where
+        # A method's object is copied too.
+        func, copied = (getattr(each.func, "__func__", each.func) for each in (one, other))
+        return difference((one.args, one.keywords), (other.args, other.keywords), where) if func is copied else where
     elif str(type(one).__module__).startswith("sympy"):
         return "" if one == other else f"{where} differs"
     else:

@@ -172,6 +172,25 @@ def test_private_kernels_are_called_by_kernels_alone():
     assert found == []
 
 
+def test_kernels_that_python_calls_have_signatures():
+    """`rbd warm-up` compiles these; others were compiled by the first call, in the middle of a simulation."""
+    bare = {
+        node.name
+        for module, path in MODULES.items()
+        if path.stem.endswith("_kernel")
+        for node in parsed(module).body
+        if isinstance(node, ast.FunctionDef) and any(ast.unparse(each) == "compiled" for each in node.decorator_list)
+    }
+    found = [
+        (module, ast.unparse(node))
+        for module, path in MODULES.items()
+        if not path.stem.endswith("_kernel")
+        for node in ast.walk(parsed(module))
+        if isinstance(node, ast.Attribute) and node.attr in bare and "kernel" in ast.unparse(node.value)
+    ]
+    assert len(bare) > 50 and found == []
+
+
 def test_the_algebra_knows_no_pinocchio():
     """Problems, answers and solvers are arrays; one file asks Pinocchio's ADMM, one differentiates states."""
     algebra = ("errors.", "arrays", "problem.", "solvers.", "answers.analysis.", "answers.solution")

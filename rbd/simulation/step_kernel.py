@@ -13,6 +13,7 @@ from rbd.answers.prepared.row_kernel import (
     JOINT,
     ROW,
     SIZE,
+    TERM_TYPES,
     Terms,
     accelerated,
     all_rows,
@@ -65,8 +66,7 @@ def _turn(out: Array, v: Array, h: float, i: int) -> None:
     out[i + 2] += h * (a * y - b * x)
 
 
-@compiled
-def turned(start: Array, v: Array, h: float, bases: Array, out: Array) -> None:
+def _turned(start: Array, v: Array, h: float, bases: Array, out: Array) -> None:
     """Write `Bases.turned`."""
     out[:] = start
     for n in range(len(bases)):
@@ -81,8 +81,7 @@ def _place(q: Array, out: Array, v: Array, h: float, at: int, i: int, R: Array) 
         out[at + k] = q[at + k] + h * (R[k, 0] * v[i] + R[k, 1] * v[i + 1] + R[k, 2] * v[i + 2])
 
 
-@compiled
-def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array, moves: Array) -> None:
+def _middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array, moves: Array) -> None:
     """Write (v, v_h, end, mean) of `Bases.middle` into `moves`; the bases' origins are put into `out`."""
     one, two, end, mean, R, S = moves[0], moves[1], moves[2], moves[3], np.empty((3, 3)), np.empty((3, 3))
     one[:], two[:] = v, v_h
@@ -98,8 +97,7 @@ def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array, m
         _turn(mean, two, 0.5 * h, bases[n, 1])
 
 
-@compiled
-def moved(q: Array, out: Array, v: Array, h: float, bases: Array, carried: Array) -> None:
+def _moved(q: Array, out: Array, v: Array, h: float, bases: Array, carried: Array) -> None:
     """Write the velocity of `Bases.moved`; the bases' origins are put into `out`."""
     R, S = np.empty((3, 3)), np.empty((3, 3))
     carried[:] = v
@@ -119,8 +117,7 @@ def _turned_to(X: Array, at: int, G: Array, x: float, y: float, z: float, out: A
         out[r] = G[0, r] * out[3] + G[1, r] * out[4] + G[2, r] * out[5]
 
 
-@compiled
-def points(
+def _points(
     X: Array, V: Array, gaps: Array, height: Array, of: Array, axes: Array, arms: Array, gap: Array, velocity: Array
 ) -> tuple[float, float, float]:
     """Write gap and velocity of all points; the least and the largest gap, and the least velocity along a normal."""
@@ -389,19 +386,7 @@ def _toward(
     accelerated(terms, np.zeros(len(parent)), parent, f, out)
 
 
-_WRITTEN, _WHOLE, _TABLE, _FLAGS = array(1, written=True), array(1, COUNT), array(2, COUNT), array(1, FLAG)
-_TERMS = (
-    array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
-    _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN,
-)  # fmt: skip
-_POINTS = (_WHOLE, array(3), array(2), array(3), array(1))
-_STEP = (array(1), array(1), array(1), array(1), array(1), _FLAGS, NUMBER, FLAG)
-advance = compiled(_advance, signature((COUNT, NUMBER), *_TERMS, *_STEP, *_POINTS, _WRITTEN, _WRITTEN, _WRITTEN))
-toward = compiled(_toward, signature(None, *_TERMS, *_POINTS, _FLAGS, array(1), _WRITTEN))
-
-
-@compiled
-def wrenches(X: Array, f: Array, of: Array, axes: Array, arms: Array, out: Array) -> None:
+def _wrenches(X: Array, f: Array, of: Array, axes: Array, arms: Array, out: Array) -> None:
     """Write the wrenches on the bodies in their joints' axes of forces at their points in the points' own."""
     w = np.empty(3)
     out[:] = 0.0
@@ -418,8 +403,7 @@ def wrenches(X: Array, f: Array, of: Array, axes: Array, arms: Array, out: Array
         out[b + 5] += x[0] * fy - x[1] * fx
 
 
-@compiled
-def residual(
+def _residual(
     X: Array, V: Array, lifts: Array, gravity: Array, of: Array, axes: Array, arms: Array, mu: Array, taken: Array,
     applied: Array, a: Array, f: Array, u: Array, end: Array, h: float,
 ) -> float:  # fmt: skip
@@ -466,3 +450,25 @@ def residual(
         for r in range(3):
             moved = max(moved, abs(h * turned[r] + u[3 * i + r] - end[3 * i + r]))
     return max(off / size, moved / (h * most), outside / largest)
+
+
+_WRITTEN, _WHOLE, _TABLE, _FLAGS, _ROOM = (
+    array(1, written=True),
+    array(1, COUNT),
+    array(2, COUNT),
+    array(1, FLAG),
+    array(2, written=True),
+)
+_PLACES = (_WHOLE, array(3), array(2))
+_POINTS = (*_PLACES, array(3), array(1))
+_STEP = (*[array(1)] * 5, _FLAGS, NUMBER, FLAG)
+advance = compiled(_advance, signature((COUNT, NUMBER), *TERM_TYPES, *_STEP, *_POINTS, _WRITTEN, _WRITTEN, _WRITTEN))
+toward = compiled(_toward, signature(None, *TERM_TYPES, *_POINTS, _FLAGS, array(1), _WRITTEN))
+turned = compiled(_turned, signature(None, array(1), array(1), NUMBER, _TABLE, _WRITTEN))
+middle = compiled(_middle, signature(None, array(1), _WRITTEN, array(1), array(1), NUMBER, _TABLE, _ROOM))
+moved = compiled(_moved, signature(None, array(1), _WRITTEN, array(1), NUMBER, _TABLE, _WRITTEN))
+points = compiled(
+    _points, signature((NUMBER, NUMBER, NUMBER), array(1), array(1), array(2), array(1), *_PLACES, _WRITTEN, _WRITTEN)
+)
+wrenches = compiled(_wrenches, signature(None, array(1), array(1), *_PLACES, _WRITTEN))
+residual = compiled(_residual, signature(NUMBER, *[array(1)] * 4, *_PLACES, *[array(1)] * 7, NUMBER))

@@ -17,7 +17,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.loop import SHORTEST
-from rbd.kernels import compiled
+from rbd.kernels import COUNT, FLAG, array, compiled, record, signature
 
 IMMOVABLE = 1e-26
 """Mobilities of a body's rows up to this, over what joints of any axes would give them, are rounding: squares of 1e-13."""
@@ -58,8 +58,7 @@ def size_of(n: int, m: int) -> int:
     return n * n + m * n + 2 * m * m + 2 * m + n
 
 
-@compiled
-def terms_in(space: Array, n: int, m: int) -> Terms:
+def _terms_in(space: Array, n: int, m: int) -> Terms:
     """The views."""
     a = n * n
     b = a + m * n
@@ -69,6 +68,10 @@ def terms_in(space: Array, n: int, m: int) -> Terms:
         space[:a].reshape((n, n)), space[a:b].reshape((n, m)), space[b:c].reshape((m, m)), space[c:d].reshape((m, m)),
         space[d : d + m], space[d + m : d + 2 * m], space[d + 2 * m : d + 2 * m + n],
     )  # fmt: skip
+
+
+_WRITTEN, _WHOLE, _TABLE, _SQUARE = array(1, written=True), array(1, COUNT), array(2, COUNT), array(2, written=True)
+terms_in = compiled(_terms_in, signature(record(Terms, *[_SQUARE] * 4, *[_WRITTEN] * 3), _WRITTEN, COUNT, COUNT))
 
 
 @compiled
@@ -467,8 +470,7 @@ def _forget_immovable(site: Array, X: Array, J: Array, parent: Array, L: Array, 
             A[r, :], A[:, r] = 0.0, 0.0
 
 
-@compiled
-def row_terms(
+def _row_terms(
     M: Array, J: Array, h: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
     units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array, a: Array, f: Array,
 ) -> bool:  # fmt: skip
@@ -499,6 +501,14 @@ def row_terms(
     if firm:
         accelerated(terms, terms.z, parent, f, a)
     return firm
+
+
+TERM_TYPES = (
+    array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
+    _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN,
+)  # fmt: skip
+"""The arguments of `row_terms` but the last two."""
+row_terms = compiled(_row_terms, signature(FLAG, *TERM_TYPES, _WRITTEN, _WRITTEN))
 
 
 @compiled
