@@ -90,6 +90,7 @@ if _TYPE_CHECKING:
         estimate_forces as estimate_forces,
     )
     from rbd.motion.reference_motion import Motion as Motion
+    from rbd.planning.planned_motion import plan as plan
     from rbd.problem.gauss_problem import GaussProblem as GaussProblem
     from rbd.problem.ground import (
         Body as Body,
@@ -170,6 +171,7 @@ _NAMES = {
     "rbd.motion.checking": "check_motion",
     "rbd.motion.measured": "estimate_forces",
     "rbd.motion.reference_motion": "Motion",
+    "rbd.planning.planned_motion": "plan",
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.gauss_problem": "GaussProblem",
     "rbd.problem.motions": "Speed",

@@ -1492,6 +1492,21 @@ CASES |= {
         {"ax": Figure().subplots(), "timing": rbd.motion.find_timing(**TIMED)},
         10,
     ),
+    "plan": Case(
+        lambda **given: [(x := rbd.plan(**given)).q, x.t, x.missing, x.drift, x.torques(0.1)],
+        {
+            "robot": SOLO_12,
+            "keyframes": {0.0: SOLO_12.standing(), 0.2: SOLO_12.standing()},
+            "contacts": {foot.name: True for foot in SOLO_12.feet()},
+            "friction": 0.6,
+            "ground": 0.0,
+            "cost": rbd.centroid.CentroidCosts(),
+            "limits": 0.9,
+            "self_collision": False,
+            "progress": False,
+        },
+        10,
+    ),
     "MotionReport.repaired": Case(
         lambda **given: use_motion(SWAY_REPORT.repaired(**given)), {"slower": 1.5, "keep": ["FL_FOOT"], "progress": False}, 10
     ),
@@ -1509,6 +1524,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "Plan",
     "WalkPlan",
     "ElementPicture",
     "LoopFile",

@@ -32,6 +32,7 @@ control
 simulation
 planar
 motion
+planning
 visual testing studies
 cli
 __main__
@@ -298,6 +299,7 @@ class TestWhatStandsOnTop:
             "Motion",
             "check_motion",
             "estimate_forces",
+            "plan",
             "study",
             "grid",
             "sample",

@@ -127,6 +127,7 @@ class CentroidProgram(Displayed):
             motors have it; shapes (m,), (m, k, 3) [1/N] and (m,).
         start: (centre of mass, its velocity, angular momentum) at the first time, shapes (3,) [m, m/s, N m s]; None: they are
             free, or at rest.
+        end: Centre of mass at the last time, shape (3,) [m]; None: it is free.
         costs: See `CentroidCosts`.
         normals: Of what is under the points: their friction cones are about these, shape (n, k, 3); None: level.
     """
@@ -144,6 +145,7 @@ class CentroidProgram(Displayed):
     rests: tuple[bool, bool] = (False, False)
     limits: tuple[Array, Array, Array] | None = None
     start: tuple[Array, Array, Array] | None = None
+    end: Array | None = None
     costs: CentroidCosts = field(default_factory=CentroidCosts)
     normals: Array | None = None
 
@@ -192,7 +194,10 @@ class CentroidProgram(Displayed):
         for beside, factor in ((0, -1.0), (1, 1.0)):  # three places are the same at an end
             A.put(still, 3 * (at_rest + beside), xyz, xyz, factor)
         given = np.zeros((0, 3)) if self.start is None else np.array([self.start[0], self.dt * self.start[1]])
-        begins = 6 * n + 3 * len(at_rest) + 3 * np.arange(len(given))
+        last = 6 * n + 3 * len(at_rest) + 3 * np.arange(self.end is not None)
+        A.put(last, np.full(len(last), 3 * (n - 1)), xyz, xyz, 1.0)
+        given = given if self.end is None else np.vstack([self.end, given])
+        begins = 6 * n + 3 * len(at_rest) + 3 * np.arange(len(last), len(given))
         for column, *factors in ((0, 1.0, -1.5), (3, 0.0, 2.0), (6, 0.0, -0.5)):  # the first acceleration is the second
             for first, weight in zip(begins, factors, strict=False):
                 A.put(np.array([first]), np.array([column]), xyz, xyz, weight)

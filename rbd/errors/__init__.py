@@ -17,6 +17,7 @@
       NoSolution                        no answer within tolerance; carries problem and result
         CannotMove                      no motor torques and contact forces move the robot as wanted; names the limits
           CannotHold                    none hold it still
+          CannotPlan                    no plan from keyframe to keyframe; with the instants and the nearest plan
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
         SingularPose                    here the known motions do not decide the others
@@ -69,6 +70,7 @@ from rbd.errors.no_solution import (
     CannotAssemble,
     CannotHold,
     CannotMove,
+    CannotPlan,
     CannotReach,
     NoSolution,
     NoSteadyState,
@@ -100,6 +102,7 @@ __all__ = [
     "BadEvent",
     "CannotAssemble",
     "CannotHold",
+    "CannotPlan",
     "CannotMove",
     "CannotReach",
     "ContactMoves",

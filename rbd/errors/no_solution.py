@@ -169,6 +169,30 @@ class CannotMove(NoSolution):
         return self._nearest_possible()
 
 
+class CannotPlan(CannotMove):
+    """There is no plan over the contacts from keyframe to keyframe, or none was found; what is missing, as of `CannotMove`.
+
+    Attributes:
+        t: Instants at which the nearest plan is not proved [s].
+        plan: The `rbd.planning.Plan` that came nearest; None where the centre of mass already has no motion.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> stand = solo.standing()
+        >>> feet = {foot.name: True for foot in solo.feet()}
+        >>> far = {"com": stand.com + [0.1, 0.0, 0.0]}
+        >>> try:
+        ...     rbd.plan(solo, {0.0: stand, 0.12: far, 0.24: stand}, feet, friction=0.2, progress=False)
+        ... except rbd.errors.CannotPlan as error:
+        ...     print(len(error.t) > 0, error.plan.proved)
+        True False
+    """
+
+    def __init__(self, message: str, *, t: tuple[float, ...] = (), plan: Any = None, **told: Any) -> None:
+        super().__init__(message, **told)
+        self.t, self.plan = t, plan
+
+
 class CannotHold(CannotMove):
     """No motor torques within the limits, with forces within the cones, keep this pose still.
 

@@ -11,7 +11,6 @@ from rbd.arrays import Array, rows_from
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.world import LEAST_FALL
-from rbd.motion.contact_timeline import FloorPoints
 
 LENGTH = 0.3
 """Moments on the base are measured in weights over this length [m]."""
@@ -123,14 +122,17 @@ class FrameTerms:
         out[:, 5, :, 0], out[:, 5, :, 1] = -y, x
         return turned(np.where(touches[:, None, :, None], out, 0.0), axes)
 
-    def joint_map(self, points: FloorPoints, places: Array, touches: Array, rows: Array, axes: Array | None = None) -> Array:
-        """Torques at coordinates `rows` that unit forces at points replace, shape (n, rows, k, 3); see `wrench_map`."""
+    def joint_map(self, joint: Array, places: Array, touches: Array, rows: Array, axes: Array | None = None) -> Array:
+        """Torques at coordinates `rows` that unit forces at points replace, shape (n, rows, k, 3); see `wrench_map`.
+
+        Points are carried by joints `joint`, shape (k,).
+        """
         n, k, _ = places.shape
         out = np.zeros((n, len(rows), k, 3))
         linear, angular = self.J[:, :3, rows].transpose(0, 2, 1), self.J[:, 3:, rows].transpose(0, 2, 1)
         carried = carriers(self.robot)[:, rows]
         for j in range(k):  # f . (v + w x p) = f . v + f . (w x p)
-            on = np.flatnonzero(carried[points.joint[j]])
+            on = np.flatnonzero(carried[joint[j]])
             moved = linear[:, on] + np.cross(angular[:, on], places[:, j, None])
             out[:, on, j] = np.where(touches[:, j, None, None], moved, 0.0)
         return turned(out, axes)

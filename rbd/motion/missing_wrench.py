@@ -57,7 +57,7 @@ def least_effort(
     weight, motors, known = wrench_scale(terms.robot)[0], terms.robot.actuated, np.isfinite(limit)
     # Where a joint has no limit, the largest of the others, or the weight times 0.3 m.
     scale = np.where(known, limit, limit[known].max() if known.any() else 0.3 * weight)
-    carried = terms.joint_map(points, places, touches, motors, axes) * (weight / scale)[None, :, None, None]
+    carried = terms.joint_map(points.joint, places, touches, motors, axes) * (weight / scale)[None, :, None, None]
     moved = np.flatnonzero(carried.any(axis=(0, 2, 3)))
     t = terms.need[:, motors] / scale
     tau, forces = t, start

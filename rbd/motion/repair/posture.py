@@ -68,6 +68,8 @@ class Goals:
         wrenches: Forces on the feet and moments about p, in W, shape (n, F, 2, 3) [N, N m]; None: none is known.
         kept: Frames whose poses stay as they are.
         grasps: What two hands hold.
+        owed: What is added to what is missing on the base, in its axes, shape (n, 6) [N, N m]: the sum of what earlier poses
+            left of it, so that in the end nothing is left, as of the method of multipliers.
     """
 
     R: Array
@@ -77,6 +79,7 @@ class Goals:
     wrenches: Array | None
     kept: Feet | None = None
     grasps: Grasps | None = None
+    owed: Array | float = 0.0
 
 
 class Normal:
@@ -224,7 +227,7 @@ def posed(
         normal.add(w[:, None] * sweep.J_com, w * (goals.com - sweep.com))
         _near_rows(normal, q, reference)
         if not loose:
-            _force_rows(normal, sweep, reference, stiff)
+            _force_rows(normal, sweep, reference, stiff, goals.owed)
         if bodies is not None:
             _apart_rows(normal, sweep, bodies)
         b = reference.weight_a
@@ -292,7 +295,7 @@ def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
     normal.g[:, k] += w * (np.clip(x, low, high) - x)
 
 
-def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float) -> None:
+def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float, owed: Array | float) -> None:
     """What is missing on the base, and torques beyond their share of the limits; both by three frames."""
     robot, dt, need = sweep.robot, sweep.dt, sweep.need[1:-1]
 
@@ -303,7 +306,7 @@ def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float
         return [inertia - damping, by_q - 2.0 * inertia, inertia + damping]
 
     w = stiff / (MISSING * wrench_scale(robot))
-    normal.add_inner([w[:, None] * x for x in by(slice(None), slice(6))], -w * need[:, :6])
+    normal.add_inner([w[:, None] * x for x in by(slice(None), slice(6))], -w * (sweep.need[:, :6] + owed)[1:-1])
     least, most = (TORQUE_SHARE * x[1:-1] for x in reference.torques(sweep.v))
     tau = need[:, robot.actuated]
     over = np.maximum(tau - most, 0.0) + np.minimum(tau - least, 0.0)

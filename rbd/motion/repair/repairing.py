@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.centroid import CentroidPlan, CentroidProgram
+from rbd.centroid import CentroidProgram
 from rbd.constraints.contact import Contact
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
@@ -17,11 +17,11 @@ from rbd.model.sampled_motion import cubic, cubic_rate, interpolated_q
 from rbd.motion.contact_lanes import lanes_of
 from rbd.motion.contact_timeline import AGAIN, ContactTimeline
 from rbd.motion.derivation import low_passed
-from rbd.motion.frame_terms import carriers
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.feet import INNER, Feet, Stance, blurred, paths, planes_of, stances_of, standing
-from rbd.motion.repair.posture import TORQUE_SHARE, Goals, Reference, posed
+from rbd.motion.repair.forces import torque_rows, wrenches_on
+from rbd.motion.repair.posture import Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.repair.treads import Tread, normals_of
 from rbd.motion.self_collision import BodyPairs
@@ -33,8 +33,6 @@ EARLY = 0.1
 """An edge of a sole carries so long before the sole leans on it, and after [s]."""
 FRICTION_SHARE = 0.86
 """Share of the friction that is used."""
-NEAR_TORQUE = 0.8
-"""Torques beyond this share of what is used of their limits are rows of the centroid's program."""
 FILTER = 6.0
 """What is faster in the reference is not followed [Hz]."""
 SLOWEST, FASTEST = 45.0, 75.0
@@ -138,27 +136,6 @@ class Course:
             out.append(np.repeat((on & counts & self.on[:, f])[:, None], len(x), axis=1))
         return np.concatenate(out, axis=1)
 
-    def limits(self, sweep: Sweep, plan: CentroidPlan) -> tuple[Array, Array, Array]:
-        """(at, C, h), C f <= h: forces with which motors of legs keep their limits, where those of a plan come near them."""
-        reference, feet = self.reference, self.feet.at(sweep.R, sweep.p)
-        actuated = np.asarray(reference.robot.actuated)
-        moves = carriers(reference.robot)[feet.joint][:, actuated]
-        legs = moves.any(axis=0)
-        J = sweep.J[:, :, None, actuated[legs]]
-        places = self.places(feet.R, feet.p).swapaxes(1, 2)[..., None]
-        by_force = (J[:, :3] + np.cross(J[:, 3:], places, axis=1)).transpose(0, 3, 2, 1)
-        by_force *= moves[self.group][:, legs].T[:, :, None]
-        need = sweep.need[:, actuated[legs]]
-        tau = need - np.einsum("njki,nki->nj", by_force, plan.forces)
-        bounds, found = [TORQUE_SHARE * np.abs(x[:, legs]) for x in reference.torques(sweep.v)], []
-        size = np.maximum(*bounds)
-        for sign, limit in zip((-1.0, 1.0), bounds, strict=True):
-            at, j = np.nonzero((sign * tau > NEAR_TORQUE * limit) & (size > 0.0))
-            unit = size[at, j]
-            found.append((at, -sign * by_force[at, j] / unit[:, None, None], (limit - sign * need)[at, j] / unit))
-        at, C, h = (np.concatenate(x) for x in zip(*found, strict=True))
-        return at, C, h
-
     def program(self, com: Array, moment: Array, limits: tuple[Array, Array, Array] | None = None) -> CentroidProgram:
         """The centroid's program about a reference of the centre of mass and of the rate of angular momentum."""
         stance = np.full(self.on.shape, -1)
@@ -197,16 +174,6 @@ class Course:
             least += [min(near - far, 0.0), -max(FARTHEST * self.stride[one.foot, other.foot] - far, 0.0)]
         return np.array(rows).reshape(-1, 2 * len(self.stances)), np.array(least)
 
-    def wrenches(self, plan: CentroidPlan, R: Array, p: Array) -> Array:
-        """Forces of a plan on the feet, and moments about their origins, in W, shape (n, F, 2, 3) [N, N m]."""
-        places, out = self.places(R, p), np.zeros((*self.on.shape, 2, 3))
-        for f in range(self.on.shape[1]):
-            own = self.group == f
-            force = plan.forces[:, own]
-            out[:, f, 0] = force.sum(axis=1)
-            out[:, f, 1] = np.cross(places[:, own] - p[:, f, None], force).sum(axis=1)
-        return out
-
     def solved(self, done: Callable[[float], None]) -> Repaired:
         """Poses that move as their contacts allow."""
         course, reference, feet, kept = self, self.reference, self.feet, self.kept
@@ -224,9 +191,9 @@ class Course:
             if stiff == 1.0 and last < SETTLED:
                 break
             stiff = 1.0 if last < SETTLED else least
-            plan = course.program(com, moment, course.limits(sweep, plan)).solve(plan)
+            plan = course.program(com, moment, torque_rows(reference, feet, sweep, plan, self.places, self.group)).solve(plan)
             R, p, free = course.paths(plan.shifts)
-            goals = Goals(R, p, free, plan.com, course.wrenches(plan, R, p), kept, grasps)
+            goals = Goals(R, p, free, plan.com, wrenches_on(plan, self.places(R, p), self.group, p), kept, grasps)
             q, _, last = posed(q, reference, feet, goals, self.bodies, turns, stiff)
             sweep = Sweep.of(robot, q, dt)
             com = np.column_stack([com[:, :2], sweep.com[:, 2]])

@@ -230,7 +230,7 @@ class PathSets:
             share = np.clip(2.0 - over, 0.0, 1.0)[:, None]
             missed = share / np.maximum(over, 1.0)[:, None] * left + (1.0 - share) * missed
         base[:, 0] -= missed
-        T = terms.joint_map(self.lanes.points, at, touching, robot.actuated) * (scale[0] / full)[:, None, None]
+        T = terms.joint_map(self.lanes.points.joint, at, touching, robot.actuated) * (scale[0] / full)[:, None, None]
         return base, A, T, touching, missed
 
     def _one(

@@ -1,0 +1,5 @@
+"""Plans: motions from keyframe to keyframe whose contacts carry them at every instant, with the proof of that."""
+
+from rbd.planning.planned_motion import Plan
+
+__all__ = ["Plan"]

@@ -1,0 +1,235 @@
+"""Forces of a plan at every instant, and the certificate that contacts and motors can bring them about.
+
+At both ends of an interval of length h forces f_0 and f_1 in their cones balance the motion exactly. Between them
+
+    f(t) = (1 - s) f_0 + s f_1 + W G^T (G W G^T)^-1 e(t),        s from 0 to 1
+
+with G the forces' map to the wrench, e(t) what the straight line leaves of the wrench that the motion takes, and weights W
+that grow with the room that each force has in its cone. |e| is at most h^2 / 8 times the largest second derivative of the
+wrench (`rbd.planning.bounds`), and a cone is convex: where the correction is smaller than the room at both ends, f(t) is in its
+cones at all times between them. Torques likewise. Intervals in which that does not follow are halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from rbd.arrays import Array, each_times
+from rbd.motion.frame_terms import FrameTerms, carriers, placements, wrench_scale
+from rbd.planning.bounds import Bounds
+from rbd.planning.curve import Curve
+from rbd.problem.cones import project_cones
+
+HALVED = 7
+"""How often an interval between two knots is halved, at most."""
+RANK = 1e-7
+"""Wrenches that forces in their cones resist with less than this share of their trace count as ones that they do not resist."""
+PROJECTIONS, WITHIN = 60, 0.97
+"""How often forces are put into their cones and balanced in turn, at most; and the share of the friction of those cones."""
+FALLS = 2e-3
+"""What may be missing of the wrench on the base where nothing touches, over the weight, and over 0.3 m times the weight."""
+
+
+_ONCE = ("start", "end", "on", "correction", "bend", "drift", "lost")
+"""What `Intervals` has once an interval, not at both ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pushes:
+    """Forces of a plan at points that rest, at n knots.
+
+    Attributes:
+        t: Times of the knots, shape (n,) [s].
+        joint: Which joint carries each of k points, shape (k,).
+        on: Which of them touch, shape (n, k).
+        places: Where they rest, shape (n, k, 3) [m].
+        axes: Two tangents and the normal of their surfaces, as rows, shape (n, k, 3, 3).
+        forces: In W, shape (n, k, 3) [N].
+        friction: Coefficient of each point, shape (k,).
+    """
+
+    t: Array
+    joint: Array
+    on: Array
+    places: Array
+    axes: Array
+    forces: Array
+    friction: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """What is known of m intervals of a plan; shapes (2, m) are of both ends.
+
+    Attributes:
+        start: First instants, shape (m,) [s].
+        end: Last instants, shape (m,) [s].
+        on: Which points push, shape (m, k).
+        forces: Their forces in W, shape (2, m, k, 3) [N].
+        torques: Of the motors, shape (2, m, nu) [N m].
+        missing: What forces leave of the wrench on the base, over the weight, and over 0.3 m times the weight, shape (2, m).
+        room: How far inside its cone each force is, shape (2, m, k) [N]; infinite of points that do not push.
+        slack: How far torques are inside their limits, the nearest one, shape (2, m) [N m].
+        correction: Bound of what is added to each force between the ends, shape (m, k) [N].
+        bend: Bound of how far torques are from a straight line, less their slack, the worst one, shape (m,) [N m].
+        drift: Bound of how far a point is from where it rests, shape (m,) [m].
+        lost: Bound of what forces cannot balance between the ends, as `missing`; zero where they span all wrenches, shape (m,).
+    """
+
+    start: Array
+    end: Array
+    on: Array
+    forces: Array
+    torques: Array
+    missing: Array
+    room: Array
+    slack: Array
+    correction: Array
+    bend: Array
+    drift: Array
+    lost: Array
+
+    @property
+    def holds(self) -> Array:
+        """Where both ends are possible, shape (m,)."""
+        inside = (self.room.min(axis=(0, 2)) >= 0.0) & (self.slack.min(axis=0) >= 0.0)
+        return np.asarray((self.missing.max(axis=0) < FALLS) & inside)
+
+    @property
+    def sure(self) -> Array:
+        """Where all instants are proved to be possible, shape (m,)."""
+        between = (self.correction <= self.room.min(axis=0)).all(axis=1) & (self.bend <= 0.0)
+        return np.asarray(self.holds & between & (self.missing.max(axis=0) + self.lost < FALLS))
+
+    def some(self, which: Array) -> Intervals:
+        """Some of them."""
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Intervals(**{name: x[which] if name in _ONCE else x[:, which] for name, x in given.items()})
+
+    @classmethod
+    def joined(cls, parts: list[Intervals]) -> Intervals:
+        """All intervals of some parts, in order of time."""
+        names = [f.name for f in fields(cls)]
+        out = cls(**{name: np.concatenate([getattr(x, name) for x in parts], axis=int(name not in _ONCE)) for name in names})
+        return out.some(np.argsort(out.start, kind="stable"))
+
+
+def certified(curve: Curve, pushes: Pushes, torques: Callable[[Array], tuple[Array, Array]], parts: int = 2) -> Intervals:
+    """The intervals of a plan, halved until each is proved or too short, or one of its ends is impossible."""
+    t = np.linspace(0.0, 1.0, parts + 1)
+    steps = np.diff(curve.t)
+    start = (curve.t[:-1, None] + steps[:, None] * t[:-1]).ravel()
+    end = (curve.t[:-1, None] + steps[:, None] * t[1:]).ravel()
+    done = list[Intervals]()
+    for i in range(HALVED + 1):
+        found = examined(curve, pushes, torques, start, end)
+        again = ~found.sure & found.holds & (i < HALVED)
+        done.append(found.some(~again))
+        if not again.any():
+            break
+        a, b = start[again], end[again]
+        middle = 0.5 * (a + b)
+        start, end = np.concatenate([a, middle]), np.concatenate([middle, b])
+    return Intervals.joined(done)
+
+
+def examined(
+    curve: Curve, pushes: Pushes, torques: Callable[[Array], tuple[Array, Array]], start: Array, end: Array
+) -> Intervals:
+    """What is known of some intervals, no knot inside of them; arguments as of `certified`."""
+    robot, m, k = curve.robot, len(start), len(pushes.joint)
+    inside = 0.5 * (start + end)
+    knot = (np.searchsorted(pushes.t, inside) - 1).clip(0, len(pushes.t) - 2)
+    on = pushes.on[knot] & pushes.on[knot + 1]
+    q, v, a = curve.at(np.concatenate([start, end]))
+    terms = FrameTerms.of(robot, q, v, a, None)
+    R, p = (x.reshape(2, m, *x.shape[1:]) for x in placements(robot, q))
+    rest, axes = np.where(pushes.on[knot, :, None], pushes.places[knot], pushes.places[knot + 1]), pushes.axes[knot]
+    both = np.concatenate([rest, rest])
+    touches = np.concatenate([on, on])
+    G = terms.wrench_map(both, touches).reshape(2, m, 6, 3 * k)
+    unit = wrench_scale(robot)
+    s = ((np.array([start, end]) - pushes.t[knot]) / (pushes.t[knot + 1] - pushes.t[knot]))[..., None, None]
+    f = np.where(on[..., None], (1.0 - s) * pushes.forces[knot] + s * pushes.forces[knot + 1], 0.0)
+    room = _room(f, axes, pushes.friction, on)
+    W = np.repeat(np.where(on, np.maximum(room.min(axis=0), 0.0) ** 2, 0.0), 3, axis=1)
+    need = terms.wrench.reshape(2, m, 6)
+    lacks = (need - each_times(G, f.reshape(2, m, -1))) / unit
+    scaled = G / unit[:, None]
+    some = W.any(axis=1)
+    back = np.zeros((2, m, 3 * k, 6))
+    normal = scaled[:, some] * W[some][:, None] @ scaled[:, some].swapaxes(-1, -2)
+    size = np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
+    back[:, some] = W[some][..., None] * scaled[:, some].swapaxes(-1, -2) @ np.linalg.pinv(normal / size, rcond=RANK) / size
+    full = np.zeros(m, bool)
+    full[some] = (np.linalg.eigvalsh(normal / size)[..., 0] > RANK).all(axis=0)
+    for _ in range(PROJECTIONS):
+        f = f + each_times(back, lacks).reshape(2, m, k, 3)
+        if (_room(f, axes, pushes.friction, on) >= 0.0).all():
+            break
+        f = each_times(axes.swapaxes(-1, -2), project_cones(each_times(axes, f), WITHIN * pushes.friction))
+        lacks = (need - each_times(G, f.reshape(2, m, -1))) / unit
+    missing = np.abs(need - each_times(G, f.reshape(2, m, -1))) / unit
+    room = _room(f, axes, pushes.friction, on)
+    maps = terms.joint_map(pushes.joint, both, touches, np.asarray(robot.actuated)).reshape(2, m, -1, 3 * k)
+    tau = terms.need[:, robot.actuated].reshape(2, m, -1) - each_times(maps, f.reshape(2, m, -1))
+    least, most = (x.reshape(2, m, -1) for x in torques(v))
+    slack = np.minimum(tau - least, most - tau)
+    return Intervals(
+        start, end, on, f, tau, missing.max(axis=2), room, slack.min(axis=2),
+        *_between(curve, pushes, start, end, on, f, slack.min(axis=0), back, full, rest, R, p, terms.com.reshape(2, m, 3)),
+    )  # fmt: skip
+
+
+def _room(f: Array, axes: Array, mu: Array, on: Array) -> Array:
+    """How far forces are inside their cones, shape (2, m, k) [N]."""
+    x, y, n = np.moveaxis(each_times(axes, f), -1, 0)
+    return np.asarray(np.where(on, (mu * n - np.hypot(x, y)) / np.sqrt(1.0 + mu**2), np.inf))
+
+
+def _between(
+    curve: Curve, pushes: Pushes, start: Array, end: Array, on: Array, f: Array, slack: Array, back: Array, full: Array,
+    rest: Array, R: Array, p: Array, com: Array,
+) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    """(correction, bend, drift, lost) of `Intervals`."""
+    robot, model = curve.robot, curve.robot.model
+    h, m = end - start, len(start)
+    bounds = Bounds.of(robot, curve.sizes(start, end))
+    levers = np.array([X.lever for X in model.inertias])
+    c = p + each_times(R, levers)
+    half = 0.5 * h
+    # Where points are, and how far they get from where they rest.
+    own = np.einsum("amkji,amkj->amki", R[:, :, pushes.joint], rest - p[:, :, pushes.joint])
+    middle = own.mean(axis=0)
+    now = p[:, :, pushes.joint] + each_times(R[:, :, pushes.joint], np.broadcast_to(own[0], own.shape))
+    off = np.linalg.norm(now - rest, axis=3).max(axis=0)
+    away = bounds.place[2, pushes.joint].T + bounds.turn[2, pushes.joint].T * np.linalg.norm(middle, axis=2)
+    drift = np.where(on, off + away * h[:, None] ** 2 / 8.0, 0.0)
+    # The wrench about the centre of mass at the start.
+    reach = np.linalg.norm(c - com[0, :, None], axis=3).max(axis=0).T + bounds.com[1] * half
+    force, moment = (x * h**2 / 8.0 for x in bounds.wrench(reach))
+    size = np.linalg.norm(f, axis=3).max(axis=0)
+    moment = moment + (size * drift).sum(axis=1)
+    unit = wrench_scale(robot)
+    force, moment = force / unit[0], moment / unit[5]
+    rows = back.reshape(2, m, -1, 3, 6)
+    correction = np.maximum(*np.linalg.norm(rows[..., :3], axis=(3, 4))) * force[:, None]
+    correction = correction + np.maximum(*np.linalg.norm(rows[..., 3:], axis=(3, 4))) * moment[:, None]
+    lost = np.where(full, 0.0, np.maximum(force, moment))
+    # Torques of hinges.
+    coordinates = np.asarray(robot.actuated)
+    joints = np.searchsorted(list(model.idx_vs), coordinates)  # each has one coordinate
+    moves = carriers(robot)[:, coordinates].T
+    apart = np.linalg.norm(c[:, :, None] - p[:, :, joints, None], axis=4).max(axis=0).transpose(1, 2, 0)
+    apart = apart + (bounds.com[1] + bounds.place[1, joints][:, None]) * half
+    points = np.linalg.norm(rest[:, None] - p[:, :, joints, None], axis=4).max(axis=0).transpose(1, 2, 0)
+    points = points + bounds.place[1, joints][:, None] * half
+    points[~moves[:, pushes.joint]] = np.inf
+    changes = np.linalg.norm(f[1] - f[0], axis=2).T / h
+    bend = bounds.torques(moves, joints, apart, points, size.T, changes) * h**2 / 8.0
+    arms = np.where(np.isfinite(points), points, 0.0)
+    bend = bend + np.einsum("jkm,mk->jm", arms, correction * on) + np.einsum("jk,mk->jm", moves[:, pushes.joint], size * drift)
+    return correction, (bend.T - slack).max(axis=1), drift.max(axis=1, initial=0.0), lost

@@ -1,0 +1,348 @@
+"""`plan`: a motion from keyframe to keyframe over given contacts that is possible at every instant, with the proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array, as_float, check_flag, check_number, each_times, lazy
+from rbd.centroid import CentroidCosts
+from rbd.constraints.convex.polygons import across
+from rbd.constraints.surface import On
+from rbd.constraints.terrain.terrain import Terrain
+from rbd.control.schedules import TorqueSchedule
+from rbd.control.torques import inverse_dynamics
+from rbd.displayed import Displayed
+from rbd.errors import CannotMove, CannotPlan, InputError, NoSolution
+from rbd.errors.inputs import check_kind
+from rbd.mechanism.projection import project_acceleration, project_velocity
+from rbd.model.state import State
+from rbd.motion.causes import torque_bounds
+from rbd.motion.reference_motion import Motion
+from rbd.motion.repair.feet import INNER
+from rbd.motion.self_collision import BodyPairs
+from rbd.planning.certificate import Intervals, Pushes, certified
+from rbd.planning.curve import Curve
+from rbd.planning.solving import Knots
+from rbd.planning.stays import PlannedContacts, planned_contacts
+from rbd.robots.robot import Robot
+from rbd.simulation.progress_bar import progress_of
+from rbd.statics.equilibrium import hold
+from rbd.workers import one_blas_thread
+
+RATES = (50.0, 100.0)
+"""Knots a second that are tried in turn."""
+FRICTION_SHARE = 0.86
+"""Share of the friction with which poses and forces are sought."""
+COM = 0.02
+"""Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]."""
+SAMPLED = 200.0
+"""Frames a second of a plan's motion."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Displayed):
+    """A motion over contacts that is possible at every instant: forces within friction, torques within limits.
+
+    Attributes:
+        robot: The robot.
+        contacts: The contacts, and when each stands, as `rbd.control.follow` reads them.
+        curve: Cubics of the coordinates.
+        pushes: Forces of the plan at its knots.
+        intervals: What is known of each interval of time, the proof.
+        friction: Coulomb's coefficient of feet that are given by name.
+        ground: What they stand on.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> stand = solo.standing()
+        >>> low = {"com": stand.com - [0.0, 0.0, 0.05]}
+        >>> feet = {foot.name: True for foot in solo.feet()}
+        >>> plan = rbd.plan(solo, {0.0: stand, 0.6: low, 1.2: stand}, feet, progress=False)
+        >>> print(plan.proved, f"{plan.state(0.6).com[2] - stand.com[2]:.3f} m")
+        True -0.050 m
+    """
+
+    robot: Robot
+    contacts: PlannedContacts
+    curve: Curve
+    pushes: Pushes
+    intervals: Intervals
+    friction: float
+    ground: On
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.curve.t[-1] - self.curve.t[0])
+
+    @property
+    def proved(self) -> bool:
+        """Whether every instant is proved to be possible."""
+        return bool(self.intervals.sure.all())
+
+    @property
+    def friction_use(self) -> float:
+        """Largest share of the friction that a force of more than 1 N needs at the ends of intervals."""
+        f, mu = self.intervals.forces, self.pushes.friction
+        local = each_times(self._axes, f)
+        normal = local[..., 2]
+        return float((np.hypot(local[..., 0], local[..., 1]) / np.maximum(mu * normal, 1e-9))[normal > 1.0].max(initial=0.0))
+
+    @property
+    def torque_use(self) -> float:
+        """Largest share of a torque limit that is used."""
+        limit = self.robot.effort_limit
+        return float((np.abs(self.intervals.torques).max(axis=(0, 1)) / limit)[limit > 0.0].max(initial=0.0))
+
+    @property
+    def missing(self) -> float:
+        """Most of what forces leave of the wrench on the base at any time, over the weight, and over 0.3 m times the weight."""
+        return float((self.intervals.missing.max(axis=0) + self.intervals.lost).max())
+
+    @property
+    def drift(self) -> float:
+        """How far a point that stands is from where it rests, at most, at all times [m]."""
+        return float(self.intervals.drift.max())
+
+    @lazy
+    def motion(self) -> Motion:
+        """The plan at 200 frames a second."""
+        n = max(round(SAMPLED * self.duration), 2)
+        t = np.linspace(self.curve.t[0], self.curve.t[-1], n + 1)
+        q, v, a = self.curve.at(t)
+        ground = self.ground if isinstance(self.ground, Terrain | float) else None
+        return Motion.of_arrays(self.robot, t, q, v, a, source="plan", ground=ground, quaternion="xyzw", trust=True)
+
+    @property
+    def t(self) -> Array:
+        """Times of its `motion`, shape (n,) [s]."""
+        return self.motion.t
+
+    @property
+    def q(self) -> Array:
+        """Configurations of its `motion`, shape (n, nq)."""
+        return self.motion.q
+
+    @property
+    def v(self) -> Array:
+        """Velocities of its `motion`, shape (n, nv)."""
+        return self.motion.v
+
+    @property
+    def a(self) -> Array:
+        """Accelerations of its `motion`, shape (n, nv)."""
+        return self.motion.a
+
+    def state(self, t: float) -> State:
+        """The robot at a time."""
+        q, v, _ = self.curve.at(np.array([self._time(t)]))
+        return State(self.robot, q[0], v[0])
+
+    def acceleration(self, t: float) -> Array:
+        """Its acceleration at a time, shape (nv,)."""
+        return np.asarray(self.curve.at(np.array([self._time(t)]))[2][0])
+
+    def forces(self, t: float) -> dict[str, Array]:
+        """{contact: forces at its corners, in W, shape (k, 3) [N]} at a time, of the contacts that stand."""
+        i, s = self._at(t)
+        f = (1.0 - s) * self.intervals.forces[0, i] + s * self.intervals.forces[1, i]
+        sizes = np.cumsum([len(np.asarray(c.corners)) for c in self.contacts.contacts])[:-1]
+        each = zip(self.contacts.contacts, np.split(f, sizes), np.split(self.intervals.on[i], sizes), strict=True)
+        return {c.name: part for c, part, on in each if on.any()}
+
+    def torques(self, t: float) -> Array:
+        """Torques of the motors at a time, shape (nu,) [N, N m]."""
+        i, s = self._at(t)
+        return np.asarray((1.0 - s) * self.intervals.torques[0, i] + s * self.intervals.torques[1, i])
+
+    @lazy
+    def schedule(self) -> TorqueSchedule:
+        """Its torques over time, without feedback: linear between the ends of the intervals of its proof."""
+        x = self.intervals
+        t, tau = np.concatenate([x.start, x.end[-1:]]), np.concatenate([x.torques[0], x.torques[1, -1:]])
+        return TorqueSchedule(t, tau)
+
+    def _time(self, t: float) -> float:
+        x = as_float(t)
+        if not self.curve.t[0] - 1e-9 <= x <= self.curve.t[-1] + 1e-9:
+            raise InputError(f"{t!r:.40} s is outside of the plan; expected {self.curve.t[0]:g} to {self.curve.t[-1]:g} s.")
+        return float(np.clip(x, self.curve.t[0], self.curve.t[-1]))
+
+    def _at(self, t: float) -> tuple[int, float]:
+        """(interval, share of it) at a time."""
+        x, start = self._time(t), self.intervals.start
+        i = max(int(np.searchsorted(start, x, side="right")) - 1, 0)
+        return i, float((x - start[i]) / (self.intervals.end[i] - start[i]))
+
+    @lazy
+    def _axes(self) -> Array:
+        inside = 0.5 * (self.intervals.start + self.intervals.end)
+        knot = (np.searchsorted(self.pushes.t, inside) - 1).clip(0, len(self.pushes.t) - 2)
+        return self.pushes.axes[knot]
+
+    def __str__(self) -> str:
+        x, names, drift = self.intervals, ", ".join(c.name for c in self.contacts.contacts), 1e3 * self.drift
+        length = float((x.end - x.start)[x.sure].sum()) / self.duration
+        says = "possible at every instant, proved" if self.proved else f"proved in {length:.1%} of its time"
+        return "\n".join([
+            f"a plan of {self.robot.name}, {self.duration:.2f} s on {names}: {says}",
+            f"  {len(x.start)} intervals of {1e3 * (x.end - x.start).min():.2g} to {1e3 * (x.end - x.start).max():.2g} ms, "
+            "each with a bound of the second derivatives of wrench and torques",
+            f"  friction: {self.friction_use:.0%} of mu used; torques: {self.torque_use:.0%} of their limits",
+            f"  missing on the base: at most {self.missing:.1e} of the weight; drift of contacts: at most {drift:.2g} mm",
+        ])  # fmt: skip
+
+
+def plan(
+    robot: Robot,
+    keyframes: Mapping[float, Any],
+    contacts: Mapping[Any, Any],
+    *,
+    friction: float = 0.6,
+    ground: On = 0.0,
+    cost: CentroidCosts | None = None,
+    limits: bool | float = True,
+    self_collision: bool = True,
+    progress: bool = True,
+) -> Plan:
+    """A motion from keyframe to keyframe over given contacts, possible at every instant, with its forces and torques.
+
+    Poses between keyframes and forces are found together: the centroid's program (`rbd.centroid`) plans the centre of mass,
+    whole-body poses follow it with contacts in place, bodies apart, torques and joints within limits, in turn until both agree.
+    The answer is a cubic spline. For each interval of it forces at both ends balance it exactly in their cones, and bounds of
+    second derivatives prove that nothing is exceeded between; intervals are halved until that is so.
+
+    Where contacts do not resist every wrench (nothing touches, or two points), up to 0.2 % of the weight may be missing.
+    Limits of joints and speeds hold at the knots, bodies are kept apart there. Contacts do not slide.
+
+    Args:
+        robot: The robot, with a floating base.
+        keyframes: {time [s]: pose}, two or more. A pose is a `State`, q, or targets of `rbd.find_pose` ({foot,
+            contact or frame: place, "com": place}), to which contacts that stand are added where they stand; without "com" the
+            centre of mass is over their middle. Or the name of a posture, put onto its contacts. It is at rest in
+            the first and the last, and passes near the others.
+        contacts: {foot or contact: [(start, end), ...]}: when it stands [s], True for all the time. Where it stands the
+            keyframes within that time say. Feet are given by name; other contacts as `rbd.PointContact(...)`,
+            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 10 or 20 ms apart.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
+        ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
+        cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
+        limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
+        self_collision: Whether bodies are kept apart.
+        progress: Show a bar on a terminal.
+
+    Raises:
+        InputError: keyframes in which a contact that stands is elsewhere, floats or is inside its surface; a contact of which
+            no keyframe says where it stands; no feet of that name; times that are none.
+        CannotReach: a keyframe's targets; with the nearest pose.
+        CannotPlan: there is no such motion, or none was found; with the instants, the limits that contradict each other there,
+            and the plan that came nearest.
+
+    Example:
+        >>> g1 = rbd.load_robot("g1")
+        >>> stand = g1.standing()
+        >>> right = {"com": stand.com - [0.0, 0.05, 0.0]}
+        >>> plan = rbd.plan(g1, {0.0: stand, 1.0: right}, {"left_sole": True, "right_sole": True}, progress=False)
+        >>> print(plan.proved, sorted(plan.forces(1.0)), f"{plan.missing:.0e}")
+        True ['left_sole', 'right_sole'] 0e+00
+    """
+    check_kind("the robot of plan", robot, Robot, "a robot: rbd.load_robot(name)")
+    if not robot.floating:
+        raise InputError(f"{robot.name} has no floating base, and plan wants one; load it without root=.")
+    mu = check_number("friction of plan", friction, 1e-3, 1e3, expected="a coefficient above 0")
+    if not isinstance(limits, bool | np.bool_):
+        limits = check_number("limits of plan", limits, 0.01, 10.0, expected="True, False, or a share of limits, 0.6")
+    check_flag("self_collision of plan", self_collision)
+    check_flag("progress of plan", progress)
+    check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
+    costs = CentroidCosts(com=COM) if cost is None else cost
+    supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
+    _check_rest(supports)
+    torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
+    found, failed = list[Plan](), None
+    with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
+        for i, rate in enumerate(RATES):
+            first, last = supports.keys[0][0], supports.keys[-1][0]
+            bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
+            t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
+            knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, torques, bodies, costs)
+            try:
+                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(RATES)))
+            except NoSolution as error:
+                failed = error
+                break
+            found.append(made)
+            if made.proved:
+                return made
+    raise _failure(supports, found, failed)
+
+
+def _check_rest(supports: PlannedContacts) -> None:
+    """Refuse a first or last keyframe that cannot be held."""
+    for t, state in (supports.keys[0], supports.keys[-1]):
+        if stands := supports.standing(t):
+            try:
+                hold(State(state.robot, state.q), stands, margin=0.0)
+            except CannotMove as error:
+                raise _told(f"at rest at {t:g} s {error}", error, (t,), None) from error
+
+
+def _told(said: str, error: CannotMove, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
+    return CannotPlan(
+        f"there is no plan: {said}" if best is None else said, t=t, plan=best, limits=error.limits,
+        irreducible=error.irreducible, certificate=error.certificate, missing=error.missing, excess=error.excess,
+        reason=error.reason,
+    )  # fmt: skip
+
+
+def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
+    sweep, centroid = knots.solved(done)
+    supports, group = knots.supports, knots.group
+    R, p, _ = supports.paths(knots.t)
+    corners = [np.asarray(c.corners) @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, c in enumerate(supports.contacts)]
+    axes = np.array([[[*across(n), n] for n in row] for row in knots.normals.reshape(-1, len(supports.contacts), 3)])
+    forces = centroid.forces.copy()
+    for f in range(len(corners)):  # the same resultant at the corners themselves
+        own = group == f
+        forces[:, own] = INNER * forces[:, own] + (1.0 - INNER) * forces[:, own].mean(axis=1, keepdims=True)
+    pushes = Pushes(
+        knots.t, knots.feet.joint[group], knots.on[:, group], np.concatenate(corners, axis=1), axes[:, group], forces,
+        knots.coefficients[group],
+    )  # fmt: skip
+    curve = Curve.of(supports.robot, knots.t, sweep.q)
+    return Plan(supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), friction, ground)
+
+
+def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None) -> CannotPlan:
+    """Why there is no plan: the instant at which most is missing, and the limits that contradict each other there."""
+    if not found:
+        return CannotPlan(f"no motion of the centre of mass is possible over these contacts: {failed}", t=())
+    best = max(found, key=lambda plan: float((plan.intervals.end - plan.intervals.start)[plan.intervals.sure].sum()))
+    x = best.intervals
+    bad = np.flatnonzero(~x.sure)
+    worst = int(bad[np.argmax((x.missing[:, bad].max(axis=0)) + np.maximum(-x.slack[:, bad].min(axis=0), 0.0))])
+    times = tuple(float(t) for t in x.start[bad])
+    t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])
+    state, stands = best.state(t), best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
+    spans = f"{times[0]:.2f} s" if len(times) == 1 else f"{len(times)} instants from {times[0]:.2f} to {times[-1]:.2f} s"
+    try:
+        a = best.acceleration(t)
+        if stands:
+            state = project_velocity(state, stands)
+            a = project_acceleration(state, a, stands).a
+        inverse_dynamics(state, a, stands, margin=0.0)
+    except CannotMove as error:
+        return _told(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", error, times, best)
+    except NoSolution as error:
+        return CannotPlan(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", t=times, plan=best)
+    share = float((x.end - x.start)[x.sure].sum()) / best.duration
+    said = (
+        f"the nearest plan is proved in {share:.1%} of its time: not at {spans}. Give contacts more time to change, or "
+        "keyframes of more balance; error.plan is that plan."
+    )
+    return CannotPlan(said, t=times, plan=best)

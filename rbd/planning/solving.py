@@ -1,0 +1,166 @@
+"""Poses and forces of a plan at its knots: the centroid's program and whole-body poses in turn, until they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import Array, lazy
+from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
+from rbd.constraints.contact import Contact
+from rbd.errors import InputError
+from rbd.model.sampled_motion import interpolated_q
+from rbd.motion.reference_motion import minimum_jerk
+from rbd.motion.repair.feet import INNER, Feet, blurred
+from rbd.motion.repair.forces import torque_rows, wrenches_on
+from rbd.motion.repair.posture import Goals, Reference, posed
+from rbd.motion.repair.sweep import Sweep
+from rbd.motion.self_collision import BodyPairs
+from rbd.planning.stays import PlannedContacts
+
+STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
+"""How stiffly poses follow the plan's forces, from pass to pass; steps of Gauss-Newton in each."""
+SETTLED = 1e-6
+"""Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
+NEAR, KEPT = 200.0, 1e4
+"""Poses of keyframes, and of those at the ends, weigh so much more than those of other knots."""
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """Times of a plan, with its contacts there.
+
+    Attributes:
+        supports: The contacts.
+        t: Equal times, shape (n,) [s].
+        friction: Share of the friction that is used.
+        torques: (least, most) torques at velocities.
+        bodies: Pairs of bodies that are kept apart.
+        costs: Of the centroid's program.
+    """
+
+    supports: PlannedContacts
+    t: Array
+    friction: float
+    torques: Callable[[Array], tuple[Array, Array]]
+    bodies: BodyPairs | None
+    costs: CentroidCosts
+
+    @property
+    def dt(self) -> float:
+        """Time between two of them [s]."""
+        return float(self.t[1] - self.t[0])
+
+    @lazy
+    def q(self) -> Array:
+        """The reference: from keyframe to keyframe with minimum jerk."""
+        keys, robot = self.supports.keys, self.supports.robot
+        way = minimum_jerk(robot, [state.q for _, state in keys], np.array([t for t, _ in keys]), rate=1.0 / self.dt)
+        return np.asarray(interpolated_q(robot, way.t, way.q, way.v, self.t.clip(way.t[0], way.t[-1])))
+
+    @lazy
+    def feet(self) -> Feet:
+        """The contacts along the reference."""
+        return Feet.of(self.supports.robot, self.supports.contacts, self.q, self.dt)
+
+    @lazy
+    def on(self) -> Array:
+        """Which contacts stand, shape (n, contacts)."""
+        return self.supports.on(self.t)
+
+    @lazy
+    def carries(self) -> Array:
+        """Which contacts may carry, shape (n, contacts): not at the ends of a stay, so that forces do not jump there."""
+        on = np.pad(self.on, ((1, 1), (0, 0)), mode="edge")
+        return np.asarray(on[:-2] & on[1:-1] & on[2:])
+
+    @lazy
+    def group(self) -> Array:
+        """Which contact each point at which forces act belongs to, shape (k,)."""
+        corners = [np.asarray(c.corners) for c in self.supports.contacts]
+        return np.repeat(np.arange(len(corners)), [len(c) for c in corners])
+
+    def places(self, R: Array, p: Array) -> Array:
+        """Where forces act, for contacts placed so, shape (n, k, 3) [m]."""
+        out = []
+        for f, contact in enumerate(self.supports.contacts):
+            out.append(inner_corners(contact) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
+        return np.concatenate(out, axis=1)
+
+    def solved(self, done: Callable[[float], None]) -> tuple[Sweep, CentroidPlan]:
+        """Poses that move as their contacts allow, and the forces.
+
+        Raises:
+            NoSolution: there is no motion of the centre of mass over these contacts.
+        """
+        robot, group = self.supports.robot, self.group
+        R, p, free = self.supports.paths(self.t)
+        places, touches = self.places(R, p), self.carries[:, group]
+        normals = self.normals[:, group]
+        reference = Reference.of(robot, self.q, self.dt, self.feet, self.torques)
+        weight = np.tile(reference.weight, (len(self.t), 1))
+        for t, _ in self.supports.keys:
+            weight[np.abs(self.t - t) < 0.5 * self.dt] *= NEAR
+        weight[[0, 1, 2, -3, -2, -1]] = KEPT * reference.weight
+        k = np.flatnonzero(reference.index >= 0)
+        of_keys = np.array([state.q for _, state in self.supports.keys])[:, reference.index[k]]
+        low, high = reference.low.copy(), reference.high.copy()
+        low[k], high[k] = np.minimum(low[k], of_keys.min(axis=0)), np.maximum(high[k], of_keys.max(axis=0))
+        reference = replace(reference, q=self.q, weight=weight, low=low, high=high)
+        sweep, plan, q = Sweep.of(robot, self.q, self.dt), None, self.q
+        mu = self.friction * float(self.coefficients.min())
+        owed = np.zeros((len(self.t), 6))
+        begins, ends = (sweep.com[0], np.zeros(3), np.zeros(3)), sweep.com[-1]
+        com, moment = sweep.com, blurred(sweep.moment, 0.03 / self.dt)
+        for i, (stiff, turns) in enumerate(zip(STIFFNESS, TURNS, strict=True)):
+            limits = None if plan is None else torque_rows(reference, self.feet, sweep, plan, self.places, group)
+            program = CentroidProgram(
+                self.dt, robot.mass, robot.gravity, places, touches, mu, com, moment, None, None,
+                (bool(self.on[0].any()), bool(self.on[-1].any())), limits, begins, ends, normals=normals,
+                costs=self.costs,
+            )  # fmt: skip
+            plan = program.solve(plan)
+            goals = Goals(R, p, free, plan.com, wrenches_on(plan, places, group, p), owed=owed)
+            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, stiff)
+            owed = owed + (stiff == 1.0) * left.need[:, :6]
+            sweep = Sweep.of(robot, q, self.dt)
+            com, moment = sweep.com, 0.5 * (plan.moment + sweep.moment)
+            done((i + 1.0) / len(TURNS))
+            if stiff == 1.0 and last < SETTLED:
+                break
+        assert plan is not None
+        ends_at = [self.supports.keys[i][1].q for i in (0, -1)]
+        sweep.q[[0, -1]] = ends_at  # from which they are off by what the least squares leave
+        return sweep, plan
+
+    @lazy
+    def coefficients(self) -> Array:
+        """Friction of each contact, shape (contacts,)."""
+        return np.array([_coefficient(contact) for contact in self.supports.contacts])
+
+    @lazy
+    def normals(self) -> Array:
+        """Of the surfaces under contacts, shape (n, contacts, 3); upwards where none stands."""
+        out = np.tile([0.0, 0.0, 1.0], (len(self.t), len(self.supports.contacts), 1))
+        for f, own in enumerate(self.supports.stays):
+            for s in own:
+                out[[s.holds(x) for x in self.t], f] = s.X.rotation[:, 2]
+        return out
+
+
+def _coefficient(contact: Contact) -> float:
+    if not isinstance(contact.friction, float | int):
+        raise InputError(
+            f"{contact.name!r:.80} has friction {contact.friction!r:.40}; plans take Coulomb's coefficient, "
+            "contact.with_friction(0.6)."
+        )
+    return float(contact.friction)
+
+
+def inner_corners(contact: Contact) -> Array:
+    """Corners of a contact made smaller, in its own axes, shape (k, 3) [m]."""
+    corners = np.asarray(contact.corners)
+    middle = corners.mean(axis=0)
+    return np.asarray(middle + INNER * (corners - middle))

@@ -1,0 +1,233 @@
+"""Plans: proofs against inverse dynamics at random instants, open loop and followed; what is refused, by which limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.errors import CannotPlan, CannotReach, InputError
+from rbd.motion.frame_terms import FrameTerms, placements
+from rbd.planning import Plan
+from rbd.planning.bounds import Bounds
+from rbd.planning.certificate import FALLS
+from rbd.planning.curve import Curve
+from rbd.planning.stays import centre_of
+
+FEET = {"left_sole": True, "right_sole": True}
+
+
+def moved(robot: rbd.Robot, state: rbd.State, foot: str, by: list[float]) -> Any:
+    """Where a foot is put down: where it stands, moved; of a point foot its place."""
+    contact = next(c for c in robot.feet() if c.name == foot)
+    X = centre_of(state, contact)
+    place = X.translation + by
+    return pin.SE3(X.rotation, place) if len(contact.corners) > 1 else place
+
+
+def check_instants(plan: Plan, rng: np.random.Generator, n: int = 12) -> None:
+    """At random instants the motion is possible by inverse dynamics, which shares nothing with the proof but the robot."""
+    for t in rng.uniform(plan.curve.t[0], plan.curve.t[-1], n):
+        contacts = [c.with_friction(0.6) for c in plan.contacts.standing(t)]
+        state = rbd.mechanism.project_velocity(plan.state(t), contacts)
+        assert np.abs(state.v - plan.state(t).v).max() < 5e-3
+        a = rbd.mechanism.project_acceleration(state, plan.acceleration(t), contacts).a
+        found = rbd.inverse_dynamics(state, a, contacts, margin=0.0)
+        assert (np.abs(found.tau) <= plan.robot.effort_limit).all()
+
+
+@pytest.fixture(scope="module")
+def solo() -> rbd.Robot:
+    return rbd.load_robot("solo12")
+
+
+@pytest.fixture(scope="module")
+def squat(talos: rbd.Robot) -> Plan:
+    stand = talos.standing()
+    return rbd.plan(talos, {0.0: stand, 0.8: {"com": stand.com - [0.0, 0.0, 0.08]}, 1.6: stand}, FEET, progress=False)
+
+
+@pytest.fixture(scope="module")
+def step(talos: rbd.Robot) -> Plan:
+    stand = talos.standing()
+    keys = {0.0: stand, 2.4: {"right_sole": moved(talos, stand, "right_sole", [0.2, 0.0, 0.0])}}
+    return rbd.plan(talos, keys, {"left_sole": True, "right_sole": [(0.0, 0.8), (1.6, 2.4)]}, progress=False)
+
+
+def test_keyframes_are_met_at_rest(squat: Plan, talos: rbd.Robot):
+    """The first and the last exactly, the others nearly; the plan says so in words."""
+    stand = talos.standing()
+    for t in (0.0, 1.6):
+        assert np.abs(squat.state(t).q - stand.q).max() < 1e-12
+        assert np.abs(squat.state(t).v).max() < 1e-12
+    assert squat.state(0.8).com[2] == pytest.approx(stand.com[2] - 0.08, abs=5e-3)
+    assert squat.proved and "possible at every instant, proved" in str(squat)
+    assert squat.missing < 1e-9 and squat.drift < 1e-3 and 0.0 < squat.torque_use < 1.0 and squat.friction_use < 1.0
+
+
+@pytest.mark.parametrize("which", ["squat", "step"])
+def test_every_instant_is_possible(which: str, request: pytest.FixtureRequest, rng: np.random.Generator):
+    """Of instants that are no ends of intervals, by other forces."""
+    plan = request.getfixturevalue(which)
+    assert plan.proved
+    check_instants(plan, rng)
+
+
+def test_forces_balance_between_the_ends_within_the_bound(step: Plan, rng: np.random.Generator):
+    """What straight lines of forces leave of the wrench is within h^2 / 8 times the bound of its second derivative."""
+    x, robot = step.intervals, step.robot
+    some = rng.choice(len(x.start), 40, replace=False)
+    found = []
+    for i in some:
+        t = np.linspace(x.start[i], x.end[i], 5)
+        q, v, a = step.curve.at(t)
+        terms = FrameTerms.of(robot, q, v, a, None)
+        F, N = terms.wrench[:, :3], terms.wrench[:, 3:] + np.cross(terms.com - terms.com[0], terms.wrench[:, :3])
+        s = np.linspace(0.0, 1.0, 5)[:, None]
+        bend = [np.linalg.norm(y - (1.0 - s) * y[0] - s * y[-1], axis=1).max() for y in (F, N)]
+        bounds = Bounds.of(robot, step.curve.sizes(x.start[i : i + 1], x.end[i : i + 1]))
+        levers = np.array([body.lever for body in robot.model.inertias])
+        R, p = placements(robot, q[[0, -1]])
+        c = p + np.einsum("akij,kj->aki", R, levers)
+        h = x.end[i] - x.start[i]
+        reach = np.linalg.norm(c - terms.com[0], axis=2).max(axis=0)[:, None] + bounds.com[1] * 0.5 * h
+        most = [float(y[0]) * h**2 / 8.0 for y in bounds.wrench(reach)]
+        found.append([b / m for b, m in zip(bend, most, strict=True)])
+    assert 0.0 < np.max(found) <= 1.0
+
+
+def test_bounds_hold_on_random_curves(solo: rbd.Robot, rng: np.random.Generator):
+    """Second derivatives of the wrench and of torques of cubics with random coefficients, by differences of a fine grid."""
+    t = np.linspace(0.0, 0.4, 5)
+    q0 = solo.standing().q
+    q = np.array([pin.integrate(solo.model, q0, rng.normal(0.0, 0.2, solo.nv)) for _ in t])
+    curve = Curve.of(solo, t, q)
+    start, end = np.array([0.12]), np.array([0.125])
+    fine = np.linspace(start[0], end[0], 9)
+    terms = FrameTerms.of(solo, *curve.at(fine), None)
+    F, d = terms.wrench[:, :3], fine[1] - fine[0]
+    N = terms.wrench[:, 3:] + np.cross(terms.com - terms.com[0], F)
+    bounds = Bounds.of(solo, curve.sizes(start, end))
+    reach = 0.6 + bounds.com[1] * 5e-3
+    for values, most in zip((F, N), bounds.wrench(reach), strict=True):
+        second = np.linalg.norm(values[2:] - 2.0 * values[1:-1] + values[:-2], axis=1) / d**2
+        assert 0.0 < second.max() <= most[0]
+
+
+def test_rates_of_a_curve_are_those_of_its_poses(talos: rbd.Robot, step: Plan):
+    """Velocities and accelerations against differences of q."""
+    d, t = 1e-5, np.linspace(0.11, 2.3, 23)
+    (before, v0, _), (_, v, a), (after, v1, _) = (step.curve.at(t + by) for by in (-d, 0.0, d))
+    moved = np.array([pin.difference(talos.model, x, y) for x, y in zip(before, after, strict=True)]) / (2.0 * d)
+    assert moved == pytest.approx(v, abs=1e-7)
+    inner = np.abs(t[:, None] - step.curve.t).min(axis=1) > 2.0 * d
+    assert ((v1 - v0) / (2.0 * d))[inner] == pytest.approx(a[inner], abs=1e-5)
+
+
+@pytest.mark.parametrize("which", ["squat", "step"])
+def test_torques_alone_hold_the_feet(which: str, request: pytest.FixtureRequest):
+    """Without feedback: feet move by less than 0.1 mm in the first half second."""
+    plan = request.getfixturevalue(which)
+    contacts = plan.contacts.standing(0.0)
+    run = rbd.simulate(plan.state(0.0), contacts, duration=0.5, step=1e-3, controller=plan.schedule, progress=False)
+    for contact in contacts:
+        off = centre_of(run.state(-1), contact).translation - centre_of(plan.state(0.0), contact).translation
+        assert np.linalg.norm(off) < 1e-4
+
+
+def test_a_plan_is_followed(step: Plan, talos: rbd.Robot):
+    """To its end, without a violated step, onto the places of its feet."""
+    controller = rbd.control.follow(step)
+    run = rbd.simulate(
+        step.state(0.0), talos.feet(friction=0.6, on=0.0), duration=2.6, step=2e-3, controller=controller, progress=False
+    )  # fmt: skip
+    assert controller.log.violations == 0
+    assert run.com[-1] == pytest.approx(step.state(2.4).com, abs=1e-4)
+
+
+def test_onto_a_box(talos: rbd.Robot, rng: np.random.Generator):
+    """20 cm up, foot after foot, on terrain: proved, and possible by inverse dynamics at random instants."""
+    stand = talos.standing()
+    terrain = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), ((0.25, -1.0, 0.0), (1.5, 1.0, 0.2)))
+    right, left = (moved(talos, stand, foot, [0.4, 0.0, 0.2]) for foot in ("right_sole", "left_sole"))
+    contacts = {"left_sole": [(0.0, 3.0), (4.0, 4.5)], "right_sole": [(0.0, 0.8), (1.8, 4.5)]}
+    keys = {0.0: stand, 2.0: {"right_sole": right}, 4.5: {"right_sole": right, "left_sole": left}}
+    plan = rbd.plan(talos, keys, contacts, ground=terrain, progress=False)
+    assert plan.proved and plan.state(4.5).com[2] > stand.com[2] + 0.15
+    check_instants(plan, rng)
+
+
+def test_two_points_resist_all_but_one_wrench(solo: rbd.Robot):
+    """Of two feet of four what no force can balance is told, and at most 0.2 % of the weight."""
+    stand = solo.standing()
+    contacts = {foot.name: True for foot in solo.feet()}
+    plan = rbd.plan(solo, {0.0: stand, 0.8: {"com": stand.com - [0.0, 0.0, 0.04]}}, contacts, progress=False)
+    assert plan.proved and plan.missing < FALLS
+    assert set(plan.forces(0.4)) == set(contacts) and plan.torques(0.4).shape == (solo.nu,)
+    total = sum(f.sum(axis=0) for f in plan.forces(0.0).values())
+    assert total == pytest.approx([0.0, 0.0, solo.mass * 9.81], abs=0.02 * solo.mass * 9.81)
+
+
+class TestRefused:
+    """What is no plan, in words; what has none, with the limits."""
+
+    def test_too_fast(self, talos: rbd.Robot):
+        """Edges of soles are named, with the instants and the plan that came nearest."""
+        stand = talos.standing()
+        with pytest.raises(CannotPlan, match="the edge of 'left_sole'") as caught:
+            rbd.plan(talos, {0.0: stand, 0.15: {"com": stand.com + [0.1, 0.0, 0.0]}, 0.3: stand}, FEET, progress=False)
+        error = caught.value
+        assert len(error.t) > 3 and not error.plan.proved and error.irreducible
+        assert {"edge", "base"} <= {limit.kind for limit in error.limits}
+
+    def test_too_weak(self, talos: rbd.Robot):
+        """With 60 kg in one hand a motor is named, before anything is planned."""
+        loaded = talos.carrying(rbd.Carried(60.0, ["gripper_left_base_link"]))
+        stand = loaded.at(talos.standing().q)
+        with pytest.raises(CannotPlan, match="at rest at 0 s") as caught:
+            rbd.plan(loaded, {0.0: stand, 1.0: stand}, FEET, progress=False)
+        assert caught.value.t == (0.0,) and caught.value.limits and caught.value.plan is None
+
+    def test_out_of_reach(self, talos: rbd.Robot):
+        """A keyframe's foot is too far: the pose that is nearest comes with the error."""
+        stand = talos.standing()
+        far = {"right_sole": moved(talos, stand, "right_sole", [2.5, 0.0, 0.0])}
+        with pytest.raises(CannotReach, match="keyframe at 2 s is out of reach") as caught:
+            rbd.plan(talos, {0.0: stand, 2.0: far}, {"left_sole": True, "right_sole": [(0.0, 0.5), (1.5, 2.0)]}, progress=False)
+        assert caught.value.q is not None
+
+    @pytest.mark.parametrize(
+        ("keys", "contacts", "said"),
+        [
+            ({0.0: "standing"}, FEET, "two or more different times"),
+            ({0.0: "standing", 1.0: "standing"}, {"left_sol": True}, "left_sole"),
+            ({0.0: "standing", 1.0: "standing"}, {"left_sole": [(1.0, 0.5)]}, "later end"),
+            ({0.0: "standing", 1.0: "standing"}, {"left_sole": 3}, r"\[\(start, end\), ...\]"),
+            ({0.0: "standing", 1.0: "standing"}, {"left_sole": True, "right_sole": [(0.2, 0.4)]}, "no keyframe says where"),
+            ({0.0: "standing", np.nan: "standing"}, FEET, "a time"),
+        ],
+    )
+    def test_words(self, talos: rbd.Robot, keys: Any, contacts: Any, said: str):
+        """Times, names, intervals and places that are none."""
+        with pytest.raises(InputError, match=said):
+            rbd.plan(talos, keys, contacts, progress=False)
+
+    def test_a_contact_that_floats_or_moves(self, talos: rbd.Robot):
+        """A keyframe has it above or inside the ground, or elsewhere than the one before."""
+        stand = talos.standing()
+        for height, said in ((0.02, "20.0 mm above"), (-0.02, "20.0 mm inside")):
+            q = stand.q + height * np.eye(talos.nq)[2]
+            with pytest.raises(InputError, match=said):
+                rbd.plan(talos, {0.0: q, 1.0: q}, FEET, progress=False)
+        q = stand.q + 0.1 * np.eye(talos.nq)[0]
+        with pytest.raises(InputError, match="100.0 mm and 0.0 degrees from where it stood"):
+            rbd.plan(talos, {0.0: stand, 1.0: q}, FEET, progress=False)
+
+    def test_a_robot_on_a_fixed_base(self):
+        """Has no centre of mass to carry."""
+        arm = rbd.load_robot("panda", root="fixed")
+        with pytest.raises(InputError, match="no floating base"):
+            rbd.plan(arm, {0.0: arm.at().q, 1.0: arm.at().q}, {}, progress=False)
