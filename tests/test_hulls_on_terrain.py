@@ -118,7 +118,6 @@ def test_rates_of_points_of_hulls():
     assert met >= {(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (3, 2)}
 
 
-@pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")  # of energy, where a corner passes an edge within a step
 @pytest.mark.parametrize("seed", [1, 2])
 def test_box_falls_over_edges(tmp_path, seed):
     """A box thrown onto stairs tumbles down them, and is nowhere inside of a step by the normals of all faces and edges."""
@@ -141,7 +140,6 @@ def test_box_falls_over_edges(tmp_path, seed):
                 assert parted(0.5 * size * CUBE, X.rotation, X.translation, piece.vertices) > -1e-9
 
 
-@pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")  # of energy, at 2 ms with limbs at 13 rad/s
 def test_talos_falls_onto_boxes_of_different_heights():
     """Of all its shapes no corner is inside of a box by 1e-9 m, and no point of a box's edge inside of a shape."""
     talos = rbd.load_robot("talos")
@@ -170,3 +168,34 @@ def test_talos_falls_onto_boxes_of_different_heights():
                         met += 1
                         assert inside.max(axis=1).min() > -1e-9
     assert met > 20
+
+
+def test_box_rocks_on_a_ridge_as_on_a_plane(tmp_path):
+    """From side to side with both ends of its face in turn: Housner's ratio of rates at each impact, and the plane's motion."""
+    a, b, h, tilt = 0.1, 0.06, 0.2, 0.05
+    path = tmp_path / "block.urdf"
+    path.write_text(
+        f"""<robot name="block"><link name="body"><inertial><mass value="2"/><inertia ixx="0.03" iyy="0.03" izz="0.01" ixy="0"
+        ixz="0" iyz="0"/></inertial><collision><geometry><box size="{2 * a} {2 * b} {2 * h}"/></geometry></collision></link>
+        </robot>"""
+    )
+    block = rbd.load_robot(path)
+    ridge = polytope("ridge", np.array([[0.0, -1, 0], [0.0, 1, 0], [-1, -1, -1], [-1, 1, -1], [1, -1, -1], [1, 1, -1]]))
+    R = pin.rpy.rpyToMatrix(tilt, 0.0, 0.0)
+    p = np.array([0.0, -b, 0.0]) - R @ [0.0, -b, -h]  # it turns about the end at y = -b
+    X = np.concatenate([p, pin.Quaternion(R).coeffs()])
+    runs = []
+    for on in (rbd.Terrain({"ridge": ridge}), rbd.Ground(point=(0, 0, 0))):
+        contacts = [rbd.CollisionContacts("c", block, friction=2.0, on=on)]
+        runs.append(rbd.simulate(rbd.State(block, X), contacts, duration=0.45, step=1e-3, progress=False))
+    on_ridge, on_plane = runs
+    strikes = sorted({event.t for event in on_ridge.events if event.kind == "touches"})
+    assert len(strikes) >= 2
+    np.testing.assert_allclose(on_ridge.q, on_plane.q, atol=1e-8)
+    assert on_ridge.residuals["penetration"].max() < 1e-9
+    assert np.abs(on_ridge.residuals["energy"]).max() < 1e-5
+    ratio = (0.03 + 2.0 * (h * h - b * b)) / (0.03 + 2.0 * (h * h + b * b))
+    energy = on_ridge.energy  # at rest in the middle it is m g h: the rest is of the rate
+    for t, after in zip(strikes, [*strikes[1:], on_ridge.t[-1]], strict=True):
+        before, later = (energy[np.searchsorted(on_ridge.t, x) - 1] - 2.0 * 9.81 * h for x in (t, after))
+        assert later / before == pytest.approx(ratio**2, rel=1e-5)

@@ -24,7 +24,7 @@ from rbd.model.state import State
 
 NEAR_M = 0.01
 """A hull this near to an edge of a piece touches more than a plane; a round shape this near is a pair for Coal's distance."""
-_CORNER, _UNDER, _OTHER = 0, 2, 3
+_CORNER, _UNDER = 0, 2
 """Kinds of points, as in `touching_kernel`, which is compiled only where it is used."""
 _X = np.array([1.0, 0.0, 0.0])
 _MOST = 1000
@@ -144,8 +144,6 @@ class OnPieces:
         if kind == _UNDER:
             return f"{name}:face|{solid.name}:{j}", piece
         d, c = divmod(j, len(solid.vertices))
-        if kind == _OTHER:  # the same while it moves from one edge of the hull to the next
-            return f"{name}:edge|{solid.name}:{c}-{d}", piece
         a, b = self._facets.edges[self._facets.begins[s, 2] + i, :2].tolist()
         return f"{name}:{a}-{b}|{solid.name}:{c}-{d}", piece
 
