@@ -14,7 +14,8 @@ from bench_studies import BUSY
 from bench_timing import Row, marks_of, robots_of, shown, versions
 
 ASKED = (
-    "answers", "many", "points", "control", "steps", "fall", "terrain", "derivatives", "hessian", "linkage", "own", "motion", "first",
+    "answers", "many", "points", "control", "steps", "fall", "terrain", "derivatives", "hessian", "linkage", "own", "motion",
+    "first",
 )  # fmt: skip
 """Groups of the first table of the page."""
 OTHERS = ("peers", "engines", "solvers")

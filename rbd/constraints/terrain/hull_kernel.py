@@ -11,8 +11,8 @@ overlaps or touches; of what is apart it is no more than the distance, and zero 
 
 - along a face of the piece: corners of the hull over it, edges of the hull over its edges, its corners under the hull;
 - along a face of the hull: those of the piece under it, by `touching_kernel.under`;
-- along two edges: where these are nearest to each other, and what is nearly as near along nearly the same normal: other edges of
-  both where these cross, corners over a face. Of a face that rocks on an edge both ends are points, as on a plane;
+- along two edges: where these are nearest to each other, and what is nearly as near along nearly the same normal: other edges
+  of both where these cross, corners over a face. Of a face that rocks on an edge both ends are points, as on a plane;
 
 and where there are none along the face of what is apart, the lowest corner of the hull, or the highest of the piece. Faces and
 edges of the hull count that are not beyond one face of the piece by more than `near`: of what is farther apart s can be less

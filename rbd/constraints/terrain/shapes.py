@@ -51,17 +51,24 @@ class OnPieces:
         self._carries = np.array([robot.joints.carrying(joint) for joint in self.joints])
         balls = [(i, j) for i, shape in enumerate(shapes) for j, part in enumerate(shape.rounds) if part.is_ball]
         self._ball_names = [f"{shapes[i].name}:{len(shapes[i].vertices) + j}" for i, j in balls]
-        parts = [shapes[i].rounds[j] for i, j in balls]
-        self._balls, self._radii = np.array([b.centre for b in parts]).reshape(-1, 3), np.array([b.reach for b in parts])
+        shafts = [i for i, shape in enumerate(shapes) if len(shape.rounds) == 2 and not len(shape.vertices)]
+        shafts = [i for i in shafts if all(part.is_ball for part in shapes[i].rounds)]  # of capsules
+        self._ball_names += [f"{shapes[i].name}:shaft" for i in shafts]
+        parts = [shapes[i].rounds[j] for i, j in balls] + [part for i in shafts for part in shapes[i].rounds]
+        self._balls, sizes = np.array([b.centre for b in parts]).reshape(-1, 3), [1] * len(balls) + [2] * len(shafts)
+        self._of_balls = (
+            np.concatenate([[0], np.cumsum(sizes)]).astype(int), np.tile(UP, (len(sizes), 1)),
+            np.array([*[b.reach for b in parts[: len(balls)]], *[shapes[i].rounds[0].reach for i in shafts]]),
+        )  # fmt: skip
         hulls = [i for i, shape in enumerate(shapes) if len(shape.vertices) or not all(part.is_ball for part in shape.rounds)]
         self._hulls = [shapes[i] for i in hulls]
-        self._body, self._ball_body = of[hulls].astype(int), of[[i for i, _ in balls]].astype(int)
+        self._body, self._ball_body = of[hulls].astype(int), of[[*[i for i, _ in balls], *shafts]].astype(int)
+        self._ball_corners = np.repeat(self._ball_body, sizes)
         self._facets = Facets.of(self._hulls)
         self._bounds = (
             np.array([s.centre for s in self._hulls]).reshape(-1, 3), np.array([s.reach for s in self._hulls]),
             np.diff(self._facets.begins[:, 1]) == 0,
         )  # fmt: skip
-        self._of_balls = np.arange(len(balls) + 1), np.tile(UP, (len(balls), 1)), self._radii
         self._prepare()
 
     def _prepare(self) -> None:
@@ -85,8 +92,8 @@ class OnPieces:
         """The points within a margin [m]."""
         R, p = state.joint_places(self.joints)
         parts = []
-        if len(self._radii):
-            centres = (R[self._ball_body] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_body]
+        if len(self._balls):
+            centres = (R[self._ball_corners] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_corners]
             found = Touches.of(self.terrain.polytopes, Plates(centres, *self._of_balls), margin, state.t)
             parts += self._rows(state, found, self._ball_body, self._followed(found.which))
         if self._hulls:
@@ -148,10 +155,13 @@ class OnPieces:
         return f"{name}:{a}-{b}|{solid.name}:{c}-{d}", piece
 
     def _followed(self, which: Array) -> Array:
-        """Numbers of balls: one on an edge is the point that it was on the face before."""
-        out = []
+        """Numbers of balls and shafts: a ball on an edge is the point that it was on the face before."""
+        out, balls = [], int((self._of_balls[0][1:] - self._of_balls[0][:-1] == 1).sum())
         for kind, _, j, piece, _, plate in which.tolist():
             name = self._ball_names[plate]
+            if plate >= balls:
+                out.append(self._number((f"{name}|{self.terrain.pieces[piece].name}:{kind}-{j}", piece)))
+                continue
             at = self.terrain.plane(piece, j) if kind == 0 else self._faces.get((name, piece), self.terrain.plane(piece, -1))
             self._faces[name, piece] = at
             out.append(self._number((name, at)))
