@@ -132,7 +132,8 @@ class OnPieces:
         if not len(found.gaps):
             return []
         axes, J, velocity, bias = found.rows(state, self.joints, body, self._carries, np.tile(_X, (len(body), 1)))
-        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
+        pieces = tuple([self.terrain.pieces[piece].name for piece in found.which[:, 3].tolist()])
+        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias, pieces)]
 
     def _numbered(self, which: Array) -> Array:
         """Numbers of points of hulls: a corner keeps its own from one piece to the next in its plane, an edge over an edge."""
@@ -186,7 +187,7 @@ class OnPieces:
             if given.rates is not None:  # a belt; its velocity along the edge is taken as constant
                 belt = found.axes[0].T @ given.rates[6:]
                 found = replace(found, velocity=found.velocity - np.tile([belt[0], belt[1], 0.0], len(numbers)))
-            out.append(found)
+            out.append(replace(found, pieces=(given.name,) * len(numbers)))
         return out
 
     def _solid(self, piece: int) -> ConvexShape:
