@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -199,3 +200,40 @@ def test_box_rocks_on_a_ridge_as_on_a_plane(tmp_path):
     for t, after in zip(strikes, [*strikes[1:], on_ridge.t[-1]], strict=True):
         before, later = (energy[np.searchsorted(on_ridge.t, x) - 1] - 2.0 * 9.81 * h for x in (t, after))
         assert later / before == pytest.approx(ratio**2, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_patches_are_those_of_coal(seed):
+    """What a sole, and a box, touch of a tread: the polygon of `coal.computeContactPatch`, its corners and its area."""
+    rng, met = np.random.default_rng(seed), set[int]()
+    half, pressed, request = np.array([0.11, 0.06, 0.02]), 1e-5, coal.ContactPatchRequest()
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]) * half
+    for _ in range(15):
+        tread, turn = rng.uniform(0.05, 0.3, 2), pin.rpy.rpyToMatrix(0.0, 0.0, float(rng.uniform(-3.0, 3.0)))
+        place = np.append((tread + 0.05) * rng.uniform(-1.0, 1.0, 2), 0.0)
+        on = rbd.Terrain.boxes([(-tread[0], -tread[1], -0.5), (*tread, 0.0)])
+        low = coal.Transform3s(turn, place + [0.0, 0.0, half[2] - pressed])
+        shapes = coal.Box(*(2.0 * half)), low, coal.Box(*(2.0 * tread), 0.5), coal.Transform3s(np.eye(3), np.array([0, 0, -0.25]))
+        hit, found = coal.CollisionResult(), coal.ContactPatchResult()
+        coal.collide(*shapes, coal.CollisionRequest(), hit)
+        theirs = np.zeros((0, 2))
+        if hit.isCollision():
+            if abs(hit.getContact(0).normal[2]) < 0.999 or hit.getContact(0).penetration_depth > 2.0 * pressed:
+                continue  # beside the tread, or across its edge by less than it is pressed
+            coal.computeContactPatch(*shapes, hit, request, found)
+            patch = found.getContactPatch(0)
+            theirs = np.array([patch.getPoint(i)[:2] for i in range(patch.size())])
+        sole = rbd.SurfaceContact("sole", "box", half_lengths=half[:2], friction=0.5, on=on)
+        state = at(turn, place)
+        soles = sole.source(state).at(state, 0.0)
+        hulls = on_pieces(corners, on).at(at(turn, place + [0.0, 0.0, half[2]]), 1e-3)
+        of_hull = np.concatenate([part.positions[np.abs(part.gaps) < 1e-9] for part in hulls] or [np.zeros((0, 3))])
+        for ours in (soles.points[np.abs(soles.gap) < 1e-9, :2], of_hull[:, :2]):
+            assert len(theirs) > 2 or not len(ours)
+            if len(theirs) > 2:
+                met.add(len(theirs))
+                mine, other = ConvexHull(ours), ConvexHull(theirs)
+                assert mine.volume == pytest.approx(other.volume, rel=1e-6)  # the area of a polygon
+                away = np.linalg.norm(ours[mine.vertices][:, None] - theirs[other.vertices][None], axis=2)
+                assert away.min(axis=0).max() < 1e-6 and away.min(axis=1).max() < 1e-6
+    assert len(met) >= 2

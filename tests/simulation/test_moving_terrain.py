@@ -273,6 +273,10 @@ def test_a_jump_of_a_piece_is_refused_with_its_time():
         (lambda: FLOOR.with_motion("box 0", motion=3.0), "motion of piece 'box 0' of a terrain is 3.0; expected"),
         (lambda: FLOOR.with_motion("box 0", motion=lambda t: 0.0).at(1.0), r"shape \(3,\)"),
         (lambda: FLOOR.with_motion("box 0", velocity=(1, 0)), "velocity of piece 'box 0' of a terrain"),
+        # one that turns: a velocity or a motion with angles
+        (lambda: FLOOR.with_motion("box 0", velocity=(0, 0, 0, 0, 0, 1)), r"has shape \(6,\); expected \(3,\)"),
+        (lambda: FLOOR.with_motion("box 0", motion=lambda t: (0, 0, 0, 0, 0, t)).at(1.0), r"of shape \(6,\); expected s, shape"),
+        (lambda: FLOOR.with_motion("box 0", motion=rbd.Speed((0, 0, 0, 0, 0, 1))).at(1.0), r"of shape \(3, 6\); expected s, shape \(3,\)"),
         (lambda: rbd.Terrain.heights(np.zeros((3, 3)), 1.0).with_motion("heights", motion=lifted), "grid of heights"),
         (lambda: rbd.Terrain({"a": rbd.Ground(point=(0, 0, 0), velocity=(1, 0, 0))}), "at rest or with a motion"),
     ],
@@ -321,7 +325,10 @@ def test_motions_are_checked_on_ground_at_rest():
     q, t = np.tile(solo.standing().q, (3, 1)), np.array([0.0, 0.1, 0.2])
     with pytest.raises(rbd.InputError, match="of which 'box 0' moves; expected one at rest"):
         rbd.Motion.of_arrays(solo, t, q, ground=FLOOR.with_motion("box 0", motion=lifted))
-    rbd.Motion.of_arrays(solo, t, q, ground=FLOOR.with_motion("box 0", motion=lifted).at(0.0))
+    still = rbd.Motion.of_arrays(solo, t, q, ground=FLOOR.with_motion("box 0", motion=lifted).at(0.0))
+    for moves in (FLOOR.with_motion("box 0", motion=lifted), FLOOR.with_motion("box 0", velocity=(1.0, 0.0, 0.0))):
+        with pytest.raises(rbd.InputError, match=r"of which 'box 0' moves; expected one at rest.* terrain\.at\(t\)"):
+            rbd.check_motion(still, ground=moves)
 
 
 def test_overlapping_pieces_are_said():
