@@ -213,7 +213,8 @@ def test_patches_are_those_of_coal(seed):
         place = np.append((tread + 0.05) * rng.uniform(-1.0, 1.0, 2), 0.0)
         on = rbd.Terrain.boxes([(-tread[0], -tread[1], -0.5), (*tread, 0.0)])
         low = coal.Transform3s(turn, place + [0.0, 0.0, half[2] - pressed])
-        shapes = coal.Box(*(2.0 * half)), low, coal.Box(*(2.0 * tread), 0.5), coal.Transform3s(np.eye(3), np.array([0, 0, -0.25]))
+        under = coal.Transform3s(np.eye(3), np.array([0.0, 0.0, -0.25]))
+        shapes = coal.Box(*(2.0 * half)), low, coal.Box(*(2.0 * tread), 0.5), under
         hit, found = coal.CollisionResult(), coal.ContactPatchResult()
         coal.collide(*shapes, coal.CollisionRequest(), hit)
         theirs = np.zeros((0, 2))
