@@ -39,6 +39,7 @@ from bench_planar import planar_rows
 from bench_scenes import page_rows
 from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
 from bench_studies import CHUNKS, all_chunk_rows, study_rows
+from bench_terrain import terrain_rows
 from bench_timing import Row, table_of, versions
 from bench_work import draw, work_rows, work_table
 from rich.console import Console
@@ -70,6 +71,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "control": lambda: control_rows(everyone()),
     "steps": step_rows,
     "fall": lambda: fall_rows(draws_of("talos").robot),
+    "terrain": terrain_rows,
     "derivatives": lambda: derivative_rows(everyone()),
     "hessian": lambda: hessian_rows(draws_of("talos").robot),
     "linkage": linkage_rows,

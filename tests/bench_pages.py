@@ -13,7 +13,10 @@ from bench_profile import Columns, lines
 from bench_studies import BUSY
 from bench_timing import Row, marks_of, robots_of, shown, versions
 
-ASKED = ("answers", "many", "points", "control", "steps", "fall", "derivatives", "hessian", "linkage", "own", "motion", "first")
+ASKED = (
+    "answers", "many", "points", "control", "steps", "fall", "terrain", "derivatives", "hessian", "linkage", "own", "motion",
+    "first",
+)  # fmt: skip
 """Groups of the first table of the page."""
 OTHERS = ("peers", "engines", "solvers")
 """Groups of the second, without marks; of the solvers, what begins with these."""

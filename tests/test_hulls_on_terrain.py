@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -118,7 +119,6 @@ def test_rates_of_points_of_hulls():
     assert met >= {(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (3, 2)}
 
 
-@pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")  # of energy, where a corner passes an edge within a step
 @pytest.mark.parametrize("seed", [1, 2])
 def test_box_falls_over_edges(tmp_path, seed):
     """A box thrown onto stairs tumbles down them, and is nowhere inside of a step by the normals of all faces and edges."""
@@ -141,7 +141,6 @@ def test_box_falls_over_edges(tmp_path, seed):
                 assert parted(0.5 * size * CUBE, X.rotation, X.translation, piece.vertices) > -1e-9
 
 
-@pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")  # of energy, at 2 ms with limbs at 13 rad/s
 def test_talos_falls_onto_boxes_of_different_heights():
     """Of all its shapes no corner is inside of a box by 1e-9 m, and no point of a box's edge inside of a shape."""
     talos = rbd.load_robot("talos")
@@ -170,3 +169,72 @@ def test_talos_falls_onto_boxes_of_different_heights():
                         met += 1
                         assert inside.max(axis=1).min() > -1e-9
     assert met > 20
+
+
+def test_box_rocks_on_a_ridge_as_on_a_plane(tmp_path):
+    """From side to side with both ends of its face in turn: Housner's ratio of rates at each impact, and the plane's motion."""
+    a, b, h, tilt = 0.1, 0.06, 0.2, 0.05
+    path = tmp_path / "block.urdf"
+    path.write_text(
+        f"""<robot name="block"><link name="body"><inertial><mass value="2"/><inertia ixx="0.03" iyy="0.03" izz="0.01" ixy="0"
+        ixz="0" iyz="0"/></inertial><collision><geometry><box size="{2 * a} {2 * b} {2 * h}"/></geometry></collision></link>
+        </robot>"""
+    )
+    block = rbd.load_robot(path)
+    ridge = polytope("ridge", np.array([[0.0, -1, 0], [0.0, 1, 0], [-1, -1, -1], [-1, 1, -1], [1, -1, -1], [1, 1, -1]]))
+    R = pin.rpy.rpyToMatrix(tilt, 0.0, 0.0)
+    p = np.array([0.0, -b, 0.0]) - R @ [0.0, -b, -h]  # it turns about the end at y = -b
+    X = np.concatenate([p, pin.Quaternion(R).coeffs()])
+    runs = []
+    for on in (rbd.Terrain({"ridge": ridge}), rbd.Ground(point=(0, 0, 0))):
+        contacts = [rbd.CollisionContacts("c", block, friction=2.0, on=on)]
+        runs.append(rbd.simulate(rbd.State(block, X), contacts, duration=0.45, step=1e-3, progress=False))
+    on_ridge, on_plane = runs
+    strikes = sorted({event.t for event in on_ridge.events if event.kind == "touches"})
+    assert len(strikes) >= 2
+    np.testing.assert_allclose(on_ridge.q, on_plane.q, atol=1e-8)
+    assert on_ridge.residuals["penetration"].max() < 1e-9
+    assert np.abs(on_ridge.residuals["energy"]).max() < 1e-5
+    ratio = (0.03 + 2.0 * (h * h - b * b)) / (0.03 + 2.0 * (h * h + b * b))
+    energy = on_ridge.energy  # at rest in the middle it is m g h: the rest is of the rate
+    for t, after in zip(strikes, [*strikes[1:], on_ridge.t[-1]], strict=True):
+        before, later = (energy[np.searchsorted(on_ridge.t, x) - 1] - 2.0 * 9.81 * h for x in (t, after))
+        assert later / before == pytest.approx(ratio**2, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_patches_are_those_of_coal(seed):
+    """What a sole, and a box, touch of a tread: the polygon of `coal.computeContactPatch`, its corners and its area."""
+    rng, met = np.random.default_rng(seed), set[int]()
+    half, pressed, request = np.array([0.11, 0.06, 0.02]), 1e-5, coal.ContactPatchRequest()
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]) * half
+    for _ in range(15):
+        tread, turn = rng.uniform(0.05, 0.3, 2), pin.rpy.rpyToMatrix(0.0, 0.0, float(rng.uniform(-3.0, 3.0)))
+        place = np.append((tread + 0.05) * rng.uniform(-1.0, 1.0, 2), 0.0)
+        on = rbd.Terrain.boxes([(-tread[0], -tread[1], -0.5), (*tread, 0.0)])
+        low = coal.Transform3s(turn, place + [0.0, 0.0, half[2] - pressed])
+        under = coal.Transform3s(np.eye(3), np.array([0.0, 0.0, -0.25]))
+        shapes = coal.Box(*(2.0 * half)), low, coal.Box(*(2.0 * tread), 0.5), under
+        hit, found = coal.CollisionResult(), coal.ContactPatchResult()
+        coal.collide(*shapes, coal.CollisionRequest(), hit)
+        theirs = np.zeros((0, 2))
+        if hit.isCollision():
+            if abs(hit.getContact(0).normal[2]) < 0.999 or hit.getContact(0).penetration_depth > 2.0 * pressed:
+                continue  # beside the tread, or across its edge by less than it is pressed
+            coal.computeContactPatch(*shapes, hit, request, found)
+            patch = found.getContactPatch(0)
+            theirs = np.array([patch.getPoint(i)[:2] for i in range(patch.size())])
+        sole = rbd.SurfaceContact("sole", "box", half_lengths=half[:2], friction=0.5, on=on)
+        state = at(turn, place)
+        soles = sole.source(state).at(state, 0.0)
+        hulls = on_pieces(corners, on).at(at(turn, place + [0.0, 0.0, half[2]]), 1e-3)
+        of_hull = np.concatenate([part.positions[np.abs(part.gaps) < 1e-9] for part in hulls] or [np.zeros((0, 3))])
+        for ours in (soles.points[np.abs(soles.gap) < 1e-9, :2], of_hull[:, :2]):
+            assert len(theirs) > 2 or not len(ours)
+            if len(theirs) > 2:
+                met.add(len(theirs))
+                mine, other = ConvexHull(ours), ConvexHull(theirs)
+                assert mine.volume == pytest.approx(other.volume, rel=1e-6)  # the area of a polygon
+                away = np.linalg.norm(ours[mine.vertices][:, None] - theirs[other.vertices][None], axis=2)
+                assert away.min(axis=0).max() < 1e-6 and away.min(axis=1).max() < 1e-6
+    assert len(met) >= 2

@@ -307,7 +307,7 @@ class CollisionPoints:
     def __init__(self, contacts: CollisionContacts) -> None:
         self.contacts = contacts
         self._numbers: dict[int, int] = {}  # by the contacts' number
-        self._seen: dict[bytes, Structure] = {}
+        self._seen: dict[tuple[bytes, tuple[str, ...]], Structure] = {}
 
     def at(self, state: State, t: float) -> Measured:
         """Its points at a state and its time."""
@@ -315,7 +315,7 @@ class CollisionPoints:
         found, kept = contacts._touching(state), contacts._kept
         J = found.J[kept]
         return Measured(
-            self._structure(found.numbers), J, found.velocity[kept], found.bias[kept], found.gaps, np.zeros(len(J)), None,
+            self._structure(found), J, found.velocity[kept], found.bias[kept], found.gaps, np.zeros(len(J)), None,
             None if contacts._scattered else found.positions - contacts._point, found.positions, found.axes,
         )  # fmt: skip
 
@@ -327,16 +327,16 @@ class CollisionPoints:
         """The name of a point, which begins with its link, by its number in this motion."""
         return self.contacts._finder.label(list(self._numbers)[number])
 
-    def _structure(self, points: Array) -> Structure:
-        """The same object for the same points."""
-        key = points.tobytes()
+    def _structure(self, found: Touching) -> Structure:
+        """The same object for the same points on the same pieces."""
+        points, key = found.numbers, (found.numbers.tobytes(), found.pieces)
         known = self._seen.get(key)
         if known is None:
             if len(self._seen) >= _MOST_STRUCTURES:
                 self._seen.clear()
             contacts, k = self.contacts, len(points)
             own = tuple(self._numbers.setdefault(n, len(self._numbers)) for n in points.tolist())
-            known = self._seen[key] = Structure((contacts.name,) * k, own, (contacts._cone,) * k)
+            known = self._seen[key] = Structure((contacts.name,) * k, own, (contacts._cone,) * k, found.pieces)
         return known
 
 

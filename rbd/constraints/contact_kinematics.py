@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import pinocchio as pin
@@ -54,6 +55,7 @@ class Touching:
         J: Jacobian of the relative velocity, shape (3k, nv).
         velocity: Shape (3k,) [m/s].
         bias: Shape (3k,) [m/s2].
+        pieces: Names of the pieces of terrain that points are on, "" of other points; of no terrain, none.
     """
 
     numbers: Array
@@ -64,6 +66,7 @@ class Touching:
     J: Array
     velocity: Array
     bias: Array
+    pieces: tuple[str, ...] = ()
 
     @property
     def each_axes(self) -> Array:
@@ -87,7 +90,8 @@ def joined(parts: Sequence[Touching], label: Callable[[int], str], nv: int) -> T
         np.concatenate([getattr(p, what) for p in parts]) for what in ("numbers", "positions", "gaps", "J", "velocity", "bias")
     )
     axes = np.concatenate([p.each_axes for p in parts])
-    return Touching(numbers, label, positions, axes, gaps, J, velocity, bias)
+    pieces = tuple(chain.from_iterable([part.pieces or ("",) * len(part.gaps) for part in parts]))
+    return Touching(numbers, label, positions, axes, gaps, J, velocity, bias, pieces if any(pieces) else ())
 
 
 _PRECISE = 1e-5

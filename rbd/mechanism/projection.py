@@ -76,7 +76,12 @@ class Projection(Displayed):
 
 
 def project_position(
-    state: State, equations: Equations, projection: Projection, corrected: Callable[[State, Array, Array], Array] | None = None
+    state: State,
+    equations: Equations,
+    projection: Projection,
+    corrected: Callable[[State, Array, Array], Array] | None = None,
+    *,
+    zero: float = ZERO,
 ) -> State:
     """The state whose configuration is the nearest, in the inertia metric, that satisfies the equations, with the same v.
 
@@ -87,6 +92,7 @@ def project_position(
         equations: J (m, nv) and error (m,) [m, rad] of a state; m may change from state to state.
         projection: Tolerance and number of steps.
         corrected: Gives the correction of a state by what `equations` gives of it, J or another array; None: by `correction`.
+        zero: As of `correction`.
     """
     robot = state.robot
     J, error = equations(state)
@@ -94,7 +100,10 @@ def project_position(
         size = max_abs(error)
         if size <= projection.tolerance:
             break
-        back = -correction(inertia_factor(state.M), J, error, damping=size) if corrected is None else corrected(state, J, error)
+        if corrected is None:
+            back = -correction(inertia_factor(state.M), J, error, damping=size, zero=zero)
+        else:
+            back = corrected(state, J, error)
         step = shortened(back)
         for _ in range(HALVINGS):
             nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v, t=state.t)
@@ -116,13 +125,17 @@ def correction(L: Array, J: Array, error: Array, *, damping: float = 0.0, zero: 
         J: Shape (m, nv).
         error: Shape (m,).
         damping: Uncertainty of small singular values by the pose error, over the largest.
-        zero: Singular values below this fraction of the largest are left out.
+        zero: Singular values below this fraction of the largest are left out. Above `ZERO`, rows are taken with length one in
+            the metric of M^-1, so that light bodies do not hide heavy ones.
     """
     if not len(error) or not error.any():
         return np.zeros(len(L))
     W = blas.dtrsm(1.0, L, J.T, lower=1)
+    if zero > ZERO:
+        lengths = np.maximum(np.linalg.norm(W, axis=0), 1e-300)
+        W, error = W / lengths, error / lengths
     R = independent_factor(W.T @ W)
-    if R is not None:
+    if R is not None and (zero <= ZERO or R.diagonal().min() > zero):
         y = W @ lapack.dpotrs(R, error)[0]
     else:
         U, s, Vt = np.linalg.svd(W, full_matrices=False)

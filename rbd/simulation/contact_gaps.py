@@ -225,7 +225,11 @@ class Correction:
             assert ground is not None
             return ground.toward(state, pressed, gap)
 
-        return known[id(project_position(at.state, equations, self.projection, None if ground is None else by_bodies))]
+        if ground is not None:
+            return known[id(project_position(at.state, equations, self.projection, by_bodies))]
+        # Faces that are tilted by a hair against each other would be met by a way along both.
+        zero = PARALLEL if len(size) else ZERO
+        return known[id(project_position(at.state, equations, self.projection, zero=zero))]
 
     def owes(self, start: Snapshot, end: Snapshot, pressed: Array, moved: Array) -> bool:
         """Whether most of the error at a step's end was there at its start, or is the way of points that it stops.

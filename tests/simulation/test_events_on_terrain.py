@@ -53,3 +53,17 @@ def test_events_of_older_files_have_no_piece() -> None:
     assert _event(given) == rbd.simulation.Event(*given)
     with pytest.raises(rbd.InputError, match="expected time, name, kind, point, speed, impulse, piece"):
         _event([*given, 3.0])
+
+
+def test_shapes_say_the_piece() -> None:
+    """A robot that falls with its collision shapes: rear feet on the floor, front ones on the step."""
+    solo = rbd.load_robot("solo12")
+    q = solo.standing().q.copy()
+    q[2] += 0.03
+    steps = rbd.Terrain.stairs(0.01, 0.3, 1)  # its riser under the trunk
+    contacts = rbd.CollisionContacts("shapes", solo, friction=0.7, on=steps)
+    run = rbd.simulate(rbd.State(solo, q), [contacts], duration=0.1, step=1e-3, progress=False, may_sink=True)
+    touches = [event for event in run.events if event.kind == "touches"]
+    assert {event.piece for event in touches} == {"box 0", "box 1"}
+    assert touches[0].piece == "box 1"  # the step is met first
+    assert "] on box 1 touches at " in str(touches[0])

@@ -11,7 +11,8 @@ overlaps or touches; of what is apart it is no more than the distance, and zero 
 
 - along a face of the piece: corners of the hull over it, edges of the hull over its edges, its corners under the hull;
 - along a face of the hull: those of the piece under it, by `touching_kernel.under`;
-- along two edges: where these are nearest to each other;
+- along two edges: where these are nearest to each other, and what is nearly as near along nearly the same normal: other edges
+  of both where these cross, corners over a face. Of a face that rocks on an edge both ends are points, as on a plane;
 
 and where there are none along the face of what is apart, the lowest corner of the hull, or the highest of the piece. Faces and
 edges of the hull count that are not beyond one face of the piece by more than `near`: of what is farther apart s can be less
@@ -43,6 +44,7 @@ from rbd.constraints.terrain.touching_kernel import (
     SPOTS,
     UNDER,
     clear_of,
+    cross,
     dot,
     edge_number,
     ends,
@@ -55,6 +57,10 @@ from rbd.constraints.terrain.touching_kernel import (
 )
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, record, signature
 
+ALMOST = 0.99
+"""Cosine of normals with that of two edges that touch: what else is near along these is a point besides."""
+CROSSED = 1e-3
+"""Edges whose directions have less than this sine do not cross."""
 _BITS = 62
 """Faces of a piece that can mark a corner as beyond them."""
 
@@ -209,6 +215,65 @@ def _on_face(
 
 
 @compiled
+def _beside(
+    k: int, hull: tuple[Array, ...], lines: Array, n: Array, F: Array, V: Array, edges: Array, loops: Array, starts: Array,
+    margin: float, out: Spots,
+) -> int:  # fmt: skip
+    """What is nearly as near as two edges that touch along n: further edges that cross, and corners over nearly parallel faces.
+
+    Of these a hull's face that rocks on an edge of a piece has one at each side. None is deeper than the two edges are, but for
+    the cosine of its normal and n.
+    """
+    points, faces, hull_edges, first = hull[0], hull[1], hull[5], k
+    u, m = np.empty(3), np.empty(3)
+    for c in range(len(edges)):
+        a, b = V[edges[c, 0]], V[edges[c, 1]]
+        m_1, m_2 = F[edges[c, 2]], F[edges[c, 3]]
+        flat = max(dot(m_1, n), dot(m_2, n)) >= ALMOST
+        w = b - a
+        w = w / math.sqrt(max(dot(w, w), 1e-300))
+        for e in lines:
+            N_1, N_2 = faces[hull_edges[e, 2]], faces[hull_edges[e, 3]]
+            if max(-dot(N_1, n), -dot(N_2, n)) < ALMOST and dot(N_1, w) * dot(N_2, w) >= 0.0:
+                continue
+            i, j = hull_edges[e, 0], hull_edges[e, 1]
+            for r in range(3):
+                u[r] = points[r, j] - points[r, i]
+            if not flat and dot(m_1, u) * dot(m_2, u) >= 0.0:
+                continue
+            m[:] = cross(u, w)
+            size = math.sqrt(dot(m, m))
+            if size < CROSSED * math.sqrt(dot(u, u)):
+                continue
+            m = m / size if dot(m, n) > 0.0 else -m / size
+            p = _corner(points, i)
+            gap = dot(m, p - a)
+            if dot(m, n) < ALMOST or gap > margin:
+                continue
+            s, t = ends(p, _corner(points, j), a, b)
+            if 0.0 < s < 1.0 and 0.0 < t < 1.0:
+                k = put(k, p + s * u, m, gap, (OTHER, e, edge_number(edges[c, 0], edges[c, 1], len(V))), b - a, out)
+    for g in range(len(faces)):
+        if -dot(faces[g], n) > ALMOST:
+            N = faces[g, :3].copy()
+            for i in range(len(V)):
+                gap = dot(N, V[i]) - faces[g, 3]
+                if gap <= margin:
+                    _, at = entry(V[i], N, faces, margin)
+                    if at == g:
+                        k = put(k, V[i] - gap * N, -N, gap, (UNDER, g, i), -N, out)
+    for f in range(len(F)):
+        if dot(F[f], n) > ALMOST:
+            N, walls = F[f, :3].copy(), walls_of(F[f], loops[starts[f] : starts[f + 1]], V)
+            for i in range(points.shape[1]):
+                p = _corner(points, i)
+                gap = dot(N, p) - F[f, 3]
+                if gap <= margin and over(p, walls):
+                    k = put(k, p, N, gap, (CORNER, i, f), N, out)
+    return _fewer(first, k, n, out) if k - first > MOST_POINTS else k
+
+
+@compiled
 def _fewer(begin: int, end: int, n: Array, out: Spots) -> int:
     """Of many points those chosen by `spread`."""
     places, normals, gaps, which, ways = out
@@ -284,9 +349,11 @@ def _across(
         share, _ = ends(a, b, V[edges[c, 0]], V[edges[c, 1]])
         label = (OTHER, e, edge_number(edges[c, 0], edges[c, 1], len(V)))
         k = put(k, a + share * (b - a), n, best, label, V[edges[c, 1]] - V[edges[c, 0]], out)
+        k = _beside(k, hull, lines, n, F, V, edges, loops, starts, lim[1], out)
     for m in range(first, k):
         x, n, way = places[m].copy(), normals[m].copy(), ways[m].copy()
-        which[m, 4] = how
+        kind = which[m, 0]
+        which[m, 4] = how if how != EDGES or kind == OTHER else ON_PLATE if kind == UNDER else ON_FACE
         for i in range(3):
             places[m, i], normals[m, i], ways[m, i] = o[i] + dot(Q[i], x), dot(Q[i], n), dot(Q[i], way)
     return k

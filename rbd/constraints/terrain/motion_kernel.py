@@ -80,15 +80,20 @@ def _rows(
         u, dn, kind, first, size = np.zeros(3), np.zeros(3), which[k, 0], at[plate], at[plate + 1] - at[plate]
         i, way = which[k, 1], ways[k]
         e = corners[first + (i + 1) % size] - corners[first + i] if size > 1 else u
+        radius, v_C = radii[plate], v_P + radii[plate] * cross(w, n)  # of the ball's centre, of the axis, or of the point
         if which[k, 4] == ON_PLATE:
             dn = cross(w, n)
         elif size == 1:
-            v_C = v_P + radii[plate] * cross(w, n)  # of the ball's centre, or of the point
             if kind == OTHER:
                 dn = v_C - dot(v_C, n) * n - (dot(v_C, way) / max(dot(way, way), 1e-300)) * way
-                dn = dn / max(gaps[k] + radii[plate], 1e-9)
-            u = v_C - radii[plate] * dn - v_P
-        if kind == UNDER:
+                dn = dn / max(gaps[k] + radius, 1e-9)
+            u = v_C - radius * dn - v_P
+        if kind == UNDER and radius > 0.0:  # an axis beside a corner, which stays
+            far, x = gaps[k] + radius, e / math.sqrt(dot(e, e))
+            at_foot = v_C - (dot(x, v_C) + far * dot(n, cross(w, x))) * x
+            dn = (at_foot - dot(at_foot, n) * n) / max(far, 1e-9)
+            u = at_foot - radius * dn - v_P
+        elif kind == UNDER:
             up = ups[plate]
             u = (dot(up, v_P) / dot(up, n)) * n + gaps[k] * dn - v_P
         elif kind == CROSSING and which[k, 4] == ON_PLATE:
@@ -101,9 +106,9 @@ def _rows(
             both = cross(e, way)
             sine = dot(both, n)
             if sine * sine > 1e-6 * dot(e, e) * dot(way, way):
-                u = (-dot(cross(v_P, way), n) / sine) * e
                 dn = cross(cross(w, e), way) / sine
                 dn = dn - dot(dn, n) * n
+                u = v_C - radius * dn - v_P - (dot(cross(v_C - radius * dn, way), n) / sine) * e
         a = a + cross(w, u)
         if len(rates):
             belt = piece[6:]

@@ -415,7 +415,7 @@ class Plates(NamedTuple):
         corners: Of all, in W, shape (c, 3) [m].
         at: Where those of each begin, and c, shape (plates + 1,).
         ups: Out of the ground, shape (plates, 3).
-        radii: Of a ball about a single corner [m], shape (plates,); zero of others.
+        radii: Of a ball about a single corner, of a capsule without its ends about two [m], shape (plates,); zero of others.
     """
 
     corners: Array

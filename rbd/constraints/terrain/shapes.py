@@ -24,7 +24,7 @@ from rbd.model.state import State
 
 NEAR_M = 0.01
 """A hull this near to an edge of a piece touches more than a plane; a round shape this near is a pair for Coal's distance."""
-_CORNER, _UNDER, _OTHER = 0, 2, 3
+_CORNER, _UNDER = 0, 2
 """Kinds of points, as in `touching_kernel`, which is compiled only where it is used."""
 _X = np.array([1.0, 0.0, 0.0])
 _MOST = 1000
@@ -51,17 +51,24 @@ class OnPieces:
         self._carries = np.array([robot.joints.carrying(joint) for joint in self.joints])
         balls = [(i, j) for i, shape in enumerate(shapes) for j, part in enumerate(shape.rounds) if part.is_ball]
         self._ball_names = [f"{shapes[i].name}:{len(shapes[i].vertices) + j}" for i, j in balls]
-        parts = [shapes[i].rounds[j] for i, j in balls]
-        self._balls, self._radii = np.array([b.centre for b in parts]).reshape(-1, 3), np.array([b.reach for b in parts])
+        shafts = [i for i, shape in enumerate(shapes) if len(shape.rounds) == 2 and not len(shape.vertices)]
+        shafts = [i for i in shafts if all(part.is_ball for part in shapes[i].rounds)]  # of capsules
+        self._ball_names += [f"{shapes[i].name}:shaft" for i in shafts]
+        parts = [shapes[i].rounds[j] for i, j in balls] + [part for i in shafts for part in shapes[i].rounds]
+        self._balls, sizes = np.array([b.centre for b in parts]).reshape(-1, 3), [1] * len(balls) + [2] * len(shafts)
+        self._of_balls = (
+            np.concatenate([[0], np.cumsum(sizes)]).astype(int), np.tile(UP, (len(sizes), 1)),
+            np.array([*[b.reach for b in parts[: len(balls)]], *[shapes[i].rounds[0].reach for i in shafts]]),
+        )  # fmt: skip
         hulls = [i for i, shape in enumerate(shapes) if len(shape.vertices) or not all(part.is_ball for part in shape.rounds)]
         self._hulls = [shapes[i] for i in hulls]
-        self._body, self._ball_body = of[hulls].astype(int), of[[i for i, _ in balls]].astype(int)
+        self._body, self._ball_body = of[hulls].astype(int), of[[*[i for i, _ in balls], *shafts]].astype(int)
+        self._ball_corners = np.repeat(self._ball_body, sizes)
         self._facets = Facets.of(self._hulls)
         self._bounds = (
             np.array([s.centre for s in self._hulls]).reshape(-1, 3), np.array([s.reach for s in self._hulls]),
             np.diff(self._facets.begins[:, 1]) == 0,
         )  # fmt: skip
-        self._of_balls = np.arange(len(balls) + 1), np.tile(UP, (len(balls), 1)), self._radii
         self._prepare()
 
     def _prepare(self) -> None:
@@ -85,8 +92,8 @@ class OnPieces:
         """The points within a margin [m]."""
         R, p = state.joint_places(self.joints)
         parts = []
-        if len(self._radii):
-            centres = (R[self._ball_body] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_body]
+        if len(self._balls):
+            centres = (R[self._ball_corners] @ self._balls[:, :, None])[:, :, 0] + p[self._ball_corners]
             found = Touches.of(self.terrain.polytopes, Plates(centres, *self._of_balls), margin, state.t)
             parts += self._rows(state, found, self._ball_body, self._followed(found.which))
         if self._hulls:
@@ -125,7 +132,8 @@ class OnPieces:
         if not len(found.gaps):
             return []
         axes, J, velocity, bias = found.rows(state, self.joints, body, self._carries, np.tile(_X, (len(body), 1)))
-        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias)]
+        pieces = tuple([self.terrain.pieces[piece].name for piece in found.which[:, 3].tolist()])
+        return [Touching(numbers, self.label, found.places, axes, found.gaps, J, velocity, bias, pieces)]
 
     def _numbered(self, which: Array) -> Array:
         """Numbers of points of hulls: a corner keeps its own from one piece to the next in its plane, an edge over an edge."""
@@ -144,16 +152,17 @@ class OnPieces:
         if kind == _UNDER:
             return f"{name}:face|{solid.name}:{j}", piece
         d, c = divmod(j, len(solid.vertices))
-        if kind == _OTHER:  # the same while it moves from one edge of the hull to the next
-            return f"{name}:edge|{solid.name}:{c}-{d}", piece
         a, b = self._facets.edges[self._facets.begins[s, 2] + i, :2].tolist()
         return f"{name}:{a}-{b}|{solid.name}:{c}-{d}", piece
 
     def _followed(self, which: Array) -> Array:
-        """Numbers of balls: one on an edge is the point that it was on the face before."""
-        out = []
+        """Numbers of balls and shafts: a ball on an edge is the point that it was on the face before."""
+        out, balls = [], int((self._of_balls[0][1:] - self._of_balls[0][:-1] == 1).sum())
         for kind, _, j, piece, _, plate in which.tolist():
             name = self._ball_names[plate]
+            if plate >= balls:
+                out.append(self._number((f"{name}|{self.terrain.pieces[piece].name}:{kind}-{j}", piece)))
+                continue
             at = self.terrain.plane(piece, j) if kind == 0 else self._faces.get((name, piece), self.terrain.plane(piece, -1))
             self._faces[name, piece] = at
             out.append(self._number((name, at)))
@@ -178,7 +187,7 @@ class OnPieces:
             if given.rates is not None:  # a belt; its velocity along the edge is taken as constant
                 belt = found.axes[0].T @ given.rates[6:]
                 found = replace(found, velocity=found.velocity - np.tile([belt[0], belt[1], 0.0], len(numbers)))
-            out.append(found)
+            out.append(replace(found, pieces=(given.name,) * len(numbers)))
         return out
 
     def _solid(self, piece: int) -> ConvexShape:

@@ -10,7 +10,7 @@ among the piece's faces, the plate's `up`, and the cross products of edges of bo
 of what does not a lower bound of it. Along a face the points are the corners of the part of the plate that is over that face;
 along `up` those of the part of the piece that is under the plate; else the nearest pair. A plate has no upper side.
 
-`P` are the plate's corners, in W, in order.
+`P` are the plate's corners, in W, in order. Of a plate with a radius, one corner is a ball, two are a capsule without its ends.
 """
 
 from __future__ import annotations
@@ -36,6 +36,10 @@ LEAN = 1e-3
 """Faces with less than this along `up` are not under the plate."""
 SEAM_M, LIFT_M = 1e-6, 4e-6
 """Pieces that meet within the first length are joined; a step from one to the next that is lower than the second is none."""
+RELAXED = 0.1
+"""Sine by which a direction from a piece to a capsule's axis may be off the piece's normals."""
+ALONG = 1e-3
+"""An axis and an edge whose directions have less than this sine do not cross."""
 ALIKE = 1e-6
 """Normals that differ by less are the same."""
 
@@ -355,6 +359,49 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
 
 
 @compiled
+def _shaft(k: int, P: Array, piece: tuple[Array, ...], margin: float, out: Spots) -> int:
+    """Adds the points of a capsule's axis between its ends: nearest to edges that it crosses, and to corners beside it.
+
+    Each is as far as two points of axis and piece are, so that none is nearer than the piece. Those count whose directions are
+    normals of the piece there, or nearly: an axis that rocks on an edge has one at either side of the piece's face.
+    """
+    vertices, edges, first = piece[1], piece[2], k
+    e, clear = P[1] - P[0], np.ones(len(vertices), np.bool_)
+    for c in range(len(edges)):
+        i, j = edges[c, 0], edges[c, 1]
+        a, w = vertices[i], vertices[j] - vertices[i]
+        both, length = cross(e, w), math.sqrt(dot(w, w))
+        for end in (i, j):  # beside a corner no edge goes towards the axis
+            x = vertices[end]
+            t = dot(x - P[0], e) / dot(e, e)
+            r = P[0] + t * e - x
+            back = (w if end == i else -w) / length
+            if t <= 0.0 or t >= 1.0 or dot(r, back) > RELAXED * math.sqrt(dot(r, r)):
+                clear[end] = False
+        if dot(both, both) < ALONG * ALONG * dot(e, e) * length * length:
+            continue
+        s, t = ends(P[0], P[1], a, vertices[j])
+        r = P[0] + s * e - a - t * w
+        far = math.sqrt(dot(r, r))
+        if s <= 0.0 or s >= 1.0 or t <= 0.0 or t >= 1.0 or far > margin or far < SAME_M:
+            continue
+        n, m_1, m_2 = r / far, piece[0][edges[c, 2]], piece[0][edges[c, 3]]
+        across = m_1 - dot(m_1, m_2) * m_2  # n = x m_1 + y m_2 with x and y not below zero
+        other = m_2 - dot(m_1, m_2) * m_1
+        if min(dot(n, across), dot(n, other)) > -RELAXED * math.sqrt(dot(across, across)):
+            k = put(k, P[0] + s * e, n, far, (OTHER, 0, edge_number(i, j, len(vertices))), w, out)
+    for i in range(len(vertices)):
+        x = vertices[i]
+        r = P[0] + (dot(x - P[0], e) / dot(e, e)) * e - x
+        far = math.sqrt(dot(r, r))
+        if clear[i] and SAME_M < far <= margin:
+            k = put(k, x + r, r / far, far, (UNDER, 0, i), r, out)
+    for m in range(first, k):
+        out[3][m, 4] = EDGES
+    return k
+
+
+@compiled
 def clear_of(box: Array, low: Array, high: Array) -> bool:
     """Whether a piece's box and another one have no common point."""
     return bool(
@@ -390,7 +437,7 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
             f_end, v_end, e_end, d_end = begins[i + 1]
             piece = (faces[f:f_end], vertices[v:v_end], edges[e:e_end], loops, loop_at[f : f_end + 1], dirs[d:d_end])
             which[k, 3], which[k, 4] = i, k
-            k = _on_piece(k, P, up, piece, far, out)
+            k = _shaft(k, P, piece, far, out) if radius > 0.0 and len(P) == 2 else _on_piece(k, P, up, piece, far, out)
             if k + 1 >= len(gaps):
                 return -1
         if radius > 0.0:
