@@ -150,6 +150,7 @@ SHOWN = {
     "stand": (["stand", "solo12"], see_standing),
     "mechanism": (["mechanism", str(URDF / "four_bar.urdf"), "--tries", "20"], see_mechanism),
     "simulate": (["simulate", str(URDF / "box.urdf"), "--duration", "0.05"], see_motion),
+    "walk": (["walk", "solo12", "--gait", "trot", "--steps", "1"], see_motion),
     "check": (["check", "{motion}", "--robot", "solo12", "--least-possible", "0"], see_motion),
 }
 

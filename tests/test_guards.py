@@ -37,6 +37,7 @@ from rbd.visual import (
     export_video,
     motion_sheet,
     notebook_page,
+    plot_control,
     plot_directions,
     plot_ellipses,
     plot_energy,
@@ -52,6 +53,7 @@ from rbd.visual import (
     plot_sticks,
     plot_study,
     plot_timing,
+    plot_walk,
     plot_wrench_cone,
     replay,
     scenes_beside,
@@ -313,6 +315,11 @@ def use_whole_body(controller: Any) -> Any:
     """Its torques, and what it logs of the step."""
     controller.accepted(rbd.control.AcceptedStep(STATE, 0.0, 1e-3, {}))
     return controller(STATE, 0.0), controller.log.residual, controller.log.torque_share
+
+
+TROT = rbd.control.Walk(SOLO_12, 1, gait="trot")
+TROT.accepted(rbd.control.AcceptedStep(TROT.state, 0.0, 1e-3, {}))
+TROT_LOG = TROT.log
 
 
 def use_walk(robot: Any, steps: Any = 1, *args: Any, **given: Any) -> Any:
@@ -1286,8 +1293,15 @@ CASES: dict[str, Case] = {
             "ghost": TRAJECTORY,
             "beside": TRAJECTORY,
             "charts": ["energy"],
+            "plan": TROT.plan,
         },
         20,
+    ),
+    "visual.plot_walk": Case(
+        lambda **given: use_plots(plot_walk, **given), {"axes": Figure().subplots(3).tolist(), "plan": TROT.plan}, 10
+    ),
+    "visual.plot_control": Case(
+        lambda **given: use_plots(plot_control, **given), {"axes": Figure().subplots(2).tolist(), "log": TROT_LOG}, 10
     ),
     "visual.motion_sheet": Case(
         motion_sheet,

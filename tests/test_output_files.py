@@ -234,6 +234,7 @@ COMMANDS = {
     "stand": (["bolt"], {"--html": "html", "--json": "json"}),
     "mechanism": ([str(URDF / "four_bar.urdf")], {"--html": "html", "--json": "json"}),
     "simulate": ([str(URDF / "box.urdf")], {"--html": "html", "--json": "json", "--save": "npz", "--plot": "png"}),
+    "walk": (["solo12"], {"--html": "html", "--json": "json", "--save": "npz", "--plot": "png", "--log": "npz"}),
     "plane": (["--from", "1,0", "--to", "0.5,0.5"], {"--html": "html", "--json": "json", "--out": "png"}),
 }
 OPTIONS = [(command, option, ending) for command, (_, options) in COMMANDS.items() for option, ending in options.items()]

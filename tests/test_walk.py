@@ -14,7 +14,8 @@ from test_readme import TOP
 import rbd
 
 WALK = TOP / "examples" / "28_talos_walks.py"
-FOOTPRINTS = {"right_sole": (0.0, 0.2, 0.6, 1.0), "left_sole": (0.0, 0.4, 0.8, 1.0)}
+FOOTPRINTS = {"right_sole": (0, 1, 3, 5), "left_sole": (0, 2, 4, 5)}  # in strides
+STRIDE = 0.23  # over the height of the centre of mass
 TOUCHING = 1e-5  # a corner lower than this is down [m]; those of a foot that lands flat are within 0.3 mm of each other
 
 
@@ -43,11 +44,12 @@ def stands(walk: rbd.Trajectory, foot: str) -> list[tuple[int, int]]:
 
 @pytest.mark.parametrize("foot", FOOTPRINTS)
 def test_the_feet_land_at_their_footprints_and_stay_there(result, foot):
-    """At 0.2, 0.4, 0.6, 0.8 and 1.0 m within a millimetre, straight ahead; no corner moves by 0.1 mm until lift-off."""
-    corners = result.walk.points[foot]
+    """One to five strides ahead within a millimetre; no corner moves by 0.1 mm until lift-off."""
+    corners, stride = result.walk.points[foot], STRIDE * result.walk.com[0, 2]
     found = stands(result.walk, foot)
     assert len(found) == len(FOOTPRINTS[foot])
-    for (first, last), x in zip(found, FOOTPRINTS[foot], strict=True):
+    for (first, last), strides in zip(found, FOOTPRINTS[foot], strict=True):
+        x = strides * stride
         stand = corners[first : last + 1, :, :2]
         shift = stand - corners[0, :, :2]
         assert np.abs(shift - [x, 0.0]).max() < 1e-3
@@ -120,11 +122,12 @@ def test_energy_changes_by_the_work_of_the_motors(result):
 def test_half_the_step_leaves_a_quarter_of_the_error_of_energy(result, example, monkeypatch):
     """While the first foot swings; at 1 ms the error is below 1e-6 of the motors' work in that swing alone."""
     monkeypatch.setattr(example, "STEP", 1e-3)
-    lifts, lands = example.START + 0.01, example.START + example.SWING - 0.01
+    swing = result.controller.plan.footsteps[0]
+    lifts, lands = swing.start + 0.01, swing.end - 0.01
     errors = []
-    for walk in (result.walk, until(example, "talos", lands)[1]):
-        swing = walk[np.searchsorted(walk.t, lifts) : np.searchsorted(walk.t, lands)]
-        errors.append(np.ptp(swing.energy - swing.motor_work) / exchanged(swing))
+    for walk in (result.walk, example.walked("talos", lands).walk):
+        part = walk[np.searchsorted(walk.t, lifts) : np.searchsorted(walk.t, lands)]
+        errors.append(np.ptp(part.energy - part.motor_work) / exchanged(part))
     assert errors[1] < 1e-6
     assert 3.5 < errors[0] / errors[1] < 4.5
 
@@ -136,62 +139,36 @@ def exchanged(walk: rbd.Trajectory) -> float:
     return float(np.abs(walk.tau[:-1] * moved).sum())
 
 
-def until(example: ModuleType, name: str, duration: float) -> tuple[Any, rbd.Trajectory, rbd.control.WholeBodyController]:
-    """(plan, motion, controller) of a walk that ends early, all of them new."""
-    robot = rbd.load_robot(name)
-    state, soles = robot.standing(), robot.soles(friction=0.7)
-    plan = example.Plan(state, soles)
-    controller = example.controller_of(state, soles, plan, example.TORSO[name])
-    return plan, rbd.simulate(state, soles, duration=duration, step=example.STEP, controller=controller), controller
-
-
 def test_the_walk_repeats_bit_by_bit(result, example):
     """Until the first foot is down, with a new robot, plan and controller."""
-    walk, (_, again, _) = result.walk, until(example, "talos", example.START + 0.8)
-    n = len(again)
-    assert n == 1051
-    for one, other in ((again.t, walk.t), (again.q, walk.q), (again.v, walk.v), (again.tau, walk.tau)):
-        assert one.tobytes() == other[:n].tobytes()
+    walk, again = result.walk, example.walked("talos", result.controller.plan.footsteps[0].end + 0.1).walk
+    n = len(again) - 1  # the last step is a shorter one
+    assert n > 800
+    for one, other in ((again.t, walk.t), (again.q, walk.q), (again.v, walk.v)):
+        assert one[:n].tobytes() == other[:n].tobytes()
     for foot, force in again.point_forces.items():  # that of the last sample belongs to a step that is not taken
-        assert force[:-1].tobytes() == walk.point_forces[foot][: n - 1].tobytes()
+        assert force[: n - 1].tobytes() == walk.point_forces[foot][: n - 1].tobytes()
 
 
 def test_the_controller_is_asked_once_a_step_and_assumes_what_touches(result):
-    """One step of control for each step, none of which violates a limit; soles that it counts on do not slide for long."""
+    """One step of control for each step, none of which violates a limit; soles that it counts on do not slide."""
     log, walk = result.controller.log, result.walk
     assert np.abs(log.t - walk.t).max() < 1e-9
     assert log.violations == 0 and log.residual.max() < 1e-9
     assert log.torque_share.max() < 0.65
     assert set(log.disagreements) <= set(FOOTPRINTS)
-    assert sum(sum(kinds.values()) for kinds in log.disagreements.values()) < 0.02 * len(log)
-
-
-def test_the_arms_swing_against_the_legs(result):
-    """Nothing tells them to: it keeps the momentum about the vertical small."""
-    walk = result.walk
-    shoulders = {side: walk.q[:, walk.robot.joints[f"arm_{side}_1_joint"].q].ravel() for side in ("left", "right")}
-    assert all(0.15 < np.ptp(angle) < 0.3 for angle in shoulders.values())
-    assert np.abs(walk.momentum[:, 5]).max() < 0.1  # [N m s]; 1.4 without that task
-
-
-def test_g1_walks_too(example):
-    """Its first two steps, by the same plan and tasks."""
-    plan, walk, controller = until(example, "g1", example.START + 1.9)
-    for start, foot, _, target in plan.swings[:2]:
-        _, x, speed = example.landing(walk, foot, start)
-        assert abs(x - target) < 1e-3 and speed < 0.1
-    assert (np.abs(walk.tau) <= walk.robot.effort_limit).all()
-    assert controller.log.violations == 0 and controller.log.residual.max() < 1e-9
+    assert {kind for kinds in log.disagreements.values() for kind in kinds} <= {"partial", "late", "early"}  # of landings
+    assert max(np.ptp(walk.points[foot][log.assumed[foot], :, 2].min(axis=1)) for foot in FOOTPRINTS) < 1e-3
 
 
 def test_it_lifts_its_foot_with_the_damping_of_its_file_too(example):
     """Joint damping, that the controller does not know of, acts implicitly; energy changes by what motors and dampers do."""
     robot = rbd.load_robot("talos")
-    state, soles = robot.standing(), robot.soles(friction=0.7)
-    plan = example.Plan(state, soles)
-    controller = example.controller_of(state, soles, plan, "torso_2_link")
-    damping = robot.joint_damping()
-    walk = rbd.simulate(state, soles, duration=1.5, step=example.STEP, controller=controller, external=damping)
+    controller = rbd.control.Walk(robot, example.STEPS, friction=0.7)
+    walk = rbd.simulate(
+        controller.state, controller.contacts, duration=controller.plan.footsteps[0].start + 0.5, step=example.STEP,
+        controller=controller, external=robot.joint_damping(),
+    )  # fmt: skip
     assert walk.residuals["law"].max() < 1e-9 and controller.log.violations == 0
     assert walk.points["right_sole"][-1, :, 2].min() > 0.01 and walk.modes["left_sole"][-1] == "sticks"
     balance = walk.energy + walk.dissipated - walk.motor_work

@@ -49,6 +49,7 @@ from rbd.cli.terminal import (
     timed,
     write_outputs,
 )
+from rbd.cli.walk_command import walk
 from rbd.errors import InputError, ModelWarning, Reason, SimulationStopped
 from rbd.installation import VERSION
 
@@ -78,6 +79,7 @@ def rbd(
 app.command()(stand)
 app.command()(region)
 app.command()(check)
+app.command()(walk)
 
 
 @app.command()

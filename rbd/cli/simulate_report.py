@@ -139,7 +139,7 @@ class SimulateReport:
     def __rich__(self) -> Group:
         """How it ended, then the motion with its proof, then what it has not, and the largest torque."""
         x = self.trajectory
-        rows = [*self._places(), ("largest torque", _busiest_motor(x))]
+        rows = [*self._places(), ("largest torque", busiest_motor(x))]
         rows += [("" if i else "left out", limit) for i, limit in enumerate(self.setup.limits)]
         head = Text(f"{x.robot.name}: {x.robot.mass:.3f} kg, {self.setup.summary}")
         lines = [Text(f"  pushed with {push}") for push in self.pushes]
@@ -190,7 +190,7 @@ def draw(trajectory: Trajectory, path: Path) -> Path:
     return save_figure(figure, path, dpi=120)
 
 
-def _busiest_motor(x: Trajectory) -> str:
+def busiest_motor(x: Trajectory) -> str:
     """The motor that comes nearest to its limit, or has the largest torque if no limit is stated."""
     robot: CheckedModel = x.robot
     if not np.abs(x.tau).max(initial=0.0):

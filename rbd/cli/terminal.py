@@ -31,6 +31,7 @@ from rbd.model.output_files import check_place, write_file, write_text
 from rbd.records import plain
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
     from rbd.arrays import Array
@@ -45,6 +46,7 @@ NO_SOLUTION, BAD_INPUT, INTERRUPTED = 1, 2, 130
 WIDTH = 140
 """Width for files and pipes: tables cut at 80 columns would lose numbers."""
 PAGES, FIGURES, TRAJECTORIES, VIDEOS = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc"), (".mp4", ".gif")
+LOGS = (".npz",)
 _SILENT = (DeprecationWarning, PendingDeprecationWarning, ResourceWarning)
 _PYTHON = {
     "rbd.robots.catalogue.names()": "`rbd robots`",
@@ -251,6 +253,16 @@ def save_figure(figure: Figure, path: Path, *, dpi: int) -> Path:
     """
     write_file(path, lambda file: figure.savefig(file, dpi=dpi, format=path.suffix[1:].lower()))
     return path
+
+
+def save_drawn(draw: Callable[[], Sequence[Artist]], path: Path) -> Path:
+    """Write the figure of what a record draws, given as its method; returns its path.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    figure: Any = draw()[0].get_figure(root=True)
+    return save_figure(figure, path, dpi=120)
 
 
 def write_json(path: Path | None, report: object) -> None:

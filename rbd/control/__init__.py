@@ -3,6 +3,7 @@
 from functools import partial as _partial
 
 from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.control_log import ControlLog
 from rbd.control.following import follow
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.motion_limits import Limits
@@ -17,7 +18,7 @@ from rbd.control.walking.footsteps import Footstep
 from rbd.control.walking.gaits import Gait
 from rbd.control.walking.plan import WalkPlan
 from rbd.control.walking.walk import Walk
-from rbd.control.whole_body import ControlLog, WholeBodyController
+from rbd.control.whole_body import WholeBodyController
 from rbd.control.whole_body_step import step
 from rbd.modules import submodule as _submodule
 

@@ -14,8 +14,8 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.inputs import check_known
+from rbd.model.array_file import FREE, TIMES, npy_array, npz_arrays
 from rbd.motion.pickled_data import unpickled
-from rbd.simulation.trajectory_file import FREE, TIMES, npy_array, npz_arrays
 
 LARGEST = 1e15
 """Numbers beyond this are none of a motion: their squares would overflow further on."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import check_flag
 from rbd.errors import InputError
+from rbd.model.array_file import a_path
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.base_files import BaseAndJoints, frames_of
 from rbd.motion.csv_files import Table, read_table
@@ -28,7 +29,6 @@ from rbd.motion.log_files import LOGS, is_log, of_log
 from rbd.motion.npz_files import of_named_arrays
 from rbd.robots.loading import load_robot
 from rbd.simulation.trajectory import Trajectory
-from rbd.simulation.trajectory_file import a_path
 
 _PACKED = (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"]\0\0")
 _ARRAYS = (b"PK", *(b"\x80" + bytes([i]) for i in range(2, 6)), b"\x93NUMPY", *_PACKED)

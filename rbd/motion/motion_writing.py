@@ -18,6 +18,7 @@ from rbd.constraints.terrain.plain import plain_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice
+from rbd.model.array_file import a_path
 from rbd.model.checked_model import CheckedModel
 from rbd.model.motors import plain_motors
 from rbd.model.output_files import check_place, write_file
@@ -29,7 +30,6 @@ from rbd.motion.file_frames import joint_values
 from rbd.robots import catalogue
 from rbd.robots.robot import Robot
 from rbd.robots.travelling import texts_of
-from rbd.simulation.trajectory_file import a_path
 
 ENDINGS = {
     "motion": (".csv", ".npz"),

@@ -24,7 +24,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.simulation.trajectory_file import FREE, TIMES
+from rbd.model.array_file import FREE, TIMES
 
 INVALID: tuple[type[Exception], ...] = (ValueError, TypeError, AttributeError, LookupError, ArithmeticError, EOFError, OSError)
 INVALID += (MemoryError, struct.error, zlib.error, lzma.LZMAError)

@@ -17,6 +17,7 @@ from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
 from rbd.errors.inputs import check_choice
 from rbd.installation import VERSION
+from rbd.model.array_file import a_trajectory_path
 from rbd.model.joints import FORCE_OF
 from rbd.model.motors import torque_use
 from rbd.model.output_files import write_file
@@ -34,7 +35,6 @@ from rbd.motion.self_collision import SelfCollisions
 from rbd.records import Field
 from rbd.robots.carried import carried_by
 from rbd.simulation.progress_bar import progress_of
-from rbd.simulation.trajectory_file import a_trajectory_path
 from rbd.workers import one_blas_thread
 
 if TYPE_CHECKING:

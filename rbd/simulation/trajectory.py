@@ -16,6 +16,7 @@ from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
+from rbd.model.array_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ForceElement
 from rbd.model.output_files import check_place
@@ -32,7 +33,6 @@ from rbd.simulation.trajectory_contents import (
     header_of,
 )
 from rbd.simulation.trajectory_fields import ENERGY, ENTRIES, checked, table
-from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 
 if TYPE_CHECKING:
     import os

@@ -21,6 +21,7 @@ from rbd.constraints.terrain.plain import plain_of, terrain_of
 from rbd.errors import InputError, ModelError, ModelWarning, RbdError
 from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
 from rbd.installation import VERSION
+from rbd.model.array_file import checksum, listed_in, words_in
 from rbd.model.checked_model import CheckedModel, with_plain_motors
 from rbd.model.external import ForceElement
 from rbd.model.input_files import FileLimits
@@ -33,7 +34,6 @@ from rbd.robots.robot import Robot, with_plain_things
 from rbd.robots.travelling import given_texts, texts_of
 from rbd.simulation.simulated_motion import Event
 from rbd.simulation.trajectory_fields import ENTRIES, WORDS, FieldColumn, Fields, columns_of, keys
-from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
     import xarray

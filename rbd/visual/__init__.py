@@ -9,6 +9,7 @@ from rbd.visual.figures.plots import axes_or_new as axes_or_new, plot_ranges
 from rbd.visual.figures.statics_plots import plot_directions, plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report, plot_timing
+from rbd.visual.figures.walk_plots import plot_control, plot_walk
 from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
 from rbd.visual.motion_checks_page import export_motion_checks as export_motion_checks
@@ -40,6 +41,7 @@ __all__ = [
     "mode_scene",
     "motion_sheet",
     "notebook_page",
+    "plot_control",
     "plot_directions",
     "plot_eigenvalues",
     "plot_ellipses",
@@ -57,6 +59,7 @@ __all__ = [
     "plot_sticks",
     "plot_study",
     "plot_timing",
+    "plot_walk",
     "plot_wrench_cone",
     "replay",
     "scenes_beside",

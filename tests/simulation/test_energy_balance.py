@@ -14,7 +14,7 @@ import pytest
 import rbd
 from rbd.control.schedules import Push
 from rbd.errors import InaccurateWarning, SimulationStopped
-from rbd.simulation.trajectory_file import read_npz, write_npz
+from rbd.model.array_file import read_npz, write_npz
 from tests.simulation.smooth_models import two_links
 
 STEPS, KUTTA, EXACT = rbd.TimeStepping(), rbd.RungeKutta4(), rbd.DormandPrince8()

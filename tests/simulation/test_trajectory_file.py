@@ -18,7 +18,7 @@ from falling import ODD_NAME, Force, falling
 from scipy.io import netcdf_file
 
 import rbd
-from rbd.simulation import trajectory_file
+from rbd.model import array_file
 from rbd.simulation.simulated_motion import ConstraintForce, Sample, SimulatedMotion
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_contents import arrays_of_netcdf
@@ -349,7 +349,7 @@ def test_ctrl_c_while_writing_leaves_the_old_file(fall: Trajectory, tmp_path: Pa
     def interrupted(fd: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(trajectory_file.os, "fsync", interrupted)
+    monkeypatch.setattr(array_file.os, "fsync", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fall[:2].save(path)
     assert path.read_bytes() == before and len(list(tmp_path.iterdir())) == 1
@@ -590,4 +590,4 @@ def test_an_empty_array_of_odd_shape_is_refused(fall: Trajectory, tmp_path: Path
     for shape in ([2**31, 0], [2**30] * 8 + [0], [0] * 70, [-1, 0], [True, 0], "ab", None):
         header = {"arrays": ["tau"], "modes": [], "empty": {"tau": shape}, "sha256": ""}
         with pytest.raises(rbd.InputError):
-            arrays_of_netcdf(header, trajectory_file.xarray_or_error().Dataset())
+            arrays_of_netcdf(header, array_file.xarray_or_error().Dataset())

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,10 +19,15 @@ from rbd.control.schedules import INSTANT
 from rbd.control.task_terms import Reference
 from rbd.control.walking.footsteps import Floor, Footstep
 from rbd.control.walking.swings import Swing, smooth
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import NoSolution
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import minimum_jerk_way
+from rbd.records import counted
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 INNER = 0.75
 """Forces of the plan act at the corners of soles made smaller by this."""
@@ -70,6 +75,7 @@ class WalkPlan(Displayed):
 
     Attributes:
         robot: Whose plan it is.
+        floor: What is walked on, and by which feet.
         swings: {foot: its ways through the air, in order}.
         poses: {foot: pose of its contact's centre at the start}.
         t: Times, shape (n,) [s].
@@ -79,6 +85,7 @@ class WalkPlan(Displayed):
     """
 
     robot: CheckedModel
+    floor: Floor
     swings: Mapping[str, tuple[Swing, ...]]
     poses: Mapping[str, pin.SE3]
     t: Array
@@ -146,9 +153,9 @@ class WalkPlan(Displayed):
         s = self.swing(foot, t)
         return self.poses[foot] if s is None else s.at(min(max(t, s.start), s.landing))[0]
 
-    def turn(self, floor: Floor, t: float) -> float:
+    def turn(self, t: float) -> float:
         """By how much the soles have turned since the start, in the mean [rad]; of points, from their places."""
-        soles = [f for f, contact in floor.feet.items() if len(contact.corners) > 1]
+        soles = [f for f, contact in self.floor.feet.items() if len(contact.corners) > 1]
         if soles:
             turns = [self.placed(f, t).rotation @ self.poses[f].rotation.T for f in soles]
             return float(np.mean([math.atan2(R[1, 0], R[0, 0]) for R in turns]))
@@ -156,6 +163,14 @@ class WalkPlan(Displayed):
         a, b = (np.array([X.translation[:2] for X in each]) for each in (self.poses.values(), now))
         a, b = a - a.mean(axis=0), b - b.mean(axis=0)
         return math.atan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+
+    def __str__(self) -> str:
+        taken, moved = counted(len(self.footsteps), "step"), np.linalg.norm((self.centroid.com[-1] - self.centroid.com[0])[:2])
+        return f"{self.robot.name} takes {taken} in {self.duration:.2f} s, its centre of mass moves by {moved:.3f} m"
+
+    def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
+        """Footprints from above, ways of feet from the side, and which foot stands when; see `rbd.visual.plot_walk`."""
+        return drawing("plot_walk")(axes, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +252,7 @@ class Planner:
             shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
         """
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
-        draft = WalkPlan(self.robot, swings, self.poses, t, None, self.fade)  # type: ignore[arg-type]
+        draft = WalkPlan(self.robot, self.floor, swings, self.poses, t, None, self.fade)  # type: ignore[arg-type]
         number = {key: i for i, key in enumerate(shifts)}
         points, touches, stance, normals, placed = [], [], [], [], dict[str, list[pin.SE3]]()
         for foot, contact in self.floor.feet.items():
@@ -280,7 +295,7 @@ class Planner:
                     places[k, 2] = a + smooth(x - way.start, way.T)[0] * (b - a)
             middle.append(places)
         place, feet = np.mean(middle, axis=0), np.mean([X.translation for X in self.poses.values()], axis=0)
-        turned = np.array([draft.turn(self.floor, x) for x in t])
+        turned = np.array([draft.turn(x) for x in t])
         (x, y, z), c, s = self.com - feet, np.cos(turned), np.sin(turned)
         low = SAG * self.h if self.floor.uneven else 0.0
         begins = minimum_jerk_way((t / (REST * self.unit)).clip(0.0, 1.0))
@@ -311,7 +326,7 @@ class Planner:
                 for j, Y, begins, ends in others:
                     if max(first, begins) > min(last, ends) + 0.5 * self.unit:
                         continue
-                    turn = draft.turn(self.floor, max(first, begins, draft.t[0]))
+                    turn = draft.turn(max(first, begins, draft.t[0]))
                     R = pin.rpy.rpyToMatrix(0.0, 0.0, turn)[:2, :2]
                     want = R @ (stood[one] - stood[other])[:2]
                     body = R @ pin.rpy.rpyToMatrix(0.0, 0.0, self.yaw)[:2, :2]

@@ -14,6 +14,7 @@ from rbd.arrays import Array, as_finite, check_flag, check_number, check_whole
 from rbd.constraints.contact import Contact
 from rbd.constraints.surface import On, plane_of
 from rbd.constraints.terrain.terrain import Terrain
+from rbd.control.control_log import ControlLog
 from rbd.control.force_tasks import MomentumTask
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
@@ -21,14 +22,13 @@ from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, steps_of
 from rbd.control.walking.gaits import Gait, gait_of, roles_of
 from rbd.control.walking.plan import Planner, WalkPlan
-from rbd.control.whole_body import ControlLog, WholeBodyController
+from rbd.control.whole_body import WholeBodyController
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, NoSolution
 from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.mechanism.pose_search import find_pose
 from rbd.model.state import State
 from rbd.problem.ground import Ground
-from rbd.records import counted
 from rbd.robots.robot import Robot
 
 OFF, FAR = 0.02, 0.04
@@ -57,6 +57,8 @@ class Walk(Displayed):
     it is off the plan's by more than 2 % of h, the rest of the walk is planned anew from there, at most every 0.25 sqrt(h / g):
     footholds to come are shifted, as far as feet come and stay on their own side; where it is off by more than 4 %, feet are
     put down or lifted sooner, if that costs less. So pushes are taken up by steps.
+
+    Arms follow their posture: Talos' shoulders turn by 2 degrees, and its momentum about the vertical reaches 1.3 N m s.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
     the controller keeps as well as it can (`log`).
@@ -205,9 +207,7 @@ class Walk(Displayed):
         return self._control(state, t)
 
     def __str__(self) -> str:
-        plan, again = self._first, f"; planned {len(self.plans)} times more on the way" if self.plans else ""
-        taken, moved = counted(len(plan.footsteps), "step"), np.linalg.norm((plan.centroid.com[-1] - plan.centroid.com[0])[:2])
-        return f"{self.robot.name} takes {taken} in {plan.duration:.2f} s, its centre of mass moves by {moved:.3f} m{again}"
+        return f"{self._first}{f'; planned {len(self.plans)} times more on the way' if self.plans else ''}"
 
     def _advance(self, velocity: Any) -> Array:
         """How far the body moves forwards and aside, and turns, in one swing and overlap [m, rad]."""
@@ -294,8 +294,8 @@ class Walk(Displayed):
 
     def _turned(self, R: Array, t: float) -> Reference:
         """How the base is turned: with the feet."""
-        floor, dt = self._planner.floor, 1e-3
-        before, turn, after = (self.plan.turn(floor, t + by) for by in (-dt, 0.0, dt))
+        dt = 1e-3
+        before, turn, after = (self.plan.turn(t + by) for by in (-dt, 0.0, dt))
         rate = np.array([0.0, 0.0, (after - before) / (2.0 * dt)])
         return Reference(pin.rpy.rpyToMatrix(0.0, 0.0, turn) @ R, rate, np.zeros(3))
 

@@ -98,6 +98,26 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return pyplot.subplots(layout="constrained")[1]
 
 
+def axes_of(axes: Any, most: int, size: tuple[float, float], **layout: Any) -> list[Axes]:
+    """The axes given, `most` of them or fewer; for None so many below each other, on a new figure of a size [inches].
+
+    Raises:
+        InputError: too many, or what are no axes; Matplotlib is not installed.
+    """
+    if axes is None:
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            raise InputError("plots need Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
+        return list(Figure(figsize=size, layout="constrained").subplots(most, **layout))
+    given = list(np.ravel(np.asarray(axes, dtype=object)))
+    if not 1 <= len(given) <= most:
+        raise InputError(f"axes are {len(given)}; expected one{', or two' if most == 2 else f' to {most}'}.")
+    for ax in given:
+        an_axis(ax)
+    return given
+
+
 def frame(ax: Axes, grid: Literal["x", "y", "both"] | None = None) -> None:
     """A frame open above and on the right, behind it pale lines across "x", "y" or "both"."""
     ax.spines[["top", "right"]].set_visible(False)

@@ -21,7 +21,7 @@ from rbd.motion.report import MotionReport
 from rbd.motion.retiming.timing import Timing
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.figures.plots import an_axis, axes_or_new, cut_peaks, frame
+from rbd.visual.figures.plots import an_axis, axes_of, axes_or_new, cut_peaks, frame
 from rbd.visual.playback.curves import GREY, CurveChart
 from rbd.visual.playback.report_motion import report_charts
 from rbd.visual.playback.trajectory_charts import energy_curves
@@ -215,7 +215,7 @@ def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> lis
         ['missing wrench, % of the weight', 'motor torques, % of their limits']
     """
     check_kind("report", report, MotionReport, "what rbd.check_motion returned")
-    given, t = _two_axes(axes), report.motion.t
+    given, t = axes_of(axes, 2, (8.0, 5.6), sharex=True), report.motion.t
     charts = report_charts(report, ["missing wrench"])
     charts += [made for made in report_charts(report) if made.name == "torques"]
     drawn = [artist for ax, made in zip(given, charts, strict=False) for artist in draw_chart(ax, t, made)]
@@ -283,21 +283,6 @@ def draw_chart(ax: Axes, t: Array, chart: CurveChart) -> list[Artist]:
     return drawn
 
 
-def _two_axes(axes: Any) -> list[Axes]:
-    if axes is None:
-        try:
-            from matplotlib.figure import Figure
-        except ImportError:
-            raise InputError("plots need Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
-        return list(Figure(figsize=(8.0, 5.6), layout="constrained").subplots(2, sharex=True))
-    given = list(np.ravel(np.asarray(axes, dtype=object)))
-    if not 1 <= len(given) <= 2:
-        raise InputError(f"axes are {len(given)}; expected one, or two.")
-    for ax in given:
-        an_axis(ax)
-    return given
-
-
 def _check(ax: Axes, trajectory: Trajectory) -> None:
     an_axis(ax)
     check_kind("trajectory", trajectory, Trajectory, "what rbd.simulate returns")
@@ -348,12 +333,12 @@ def _bands(ax: Axes, trajectory: Trajectory, names: Sequence[str], colors: dict[
     for y, name in enumerate(names):
         out.append(below.axhline(y, color=colors[name], lw=_HAIR, alpha=0.6))
         for mode, style in _MODES.items():
-            if spans := _spans(trajectory.t, trajectory.modes[name] == mode):
-                out.append(below.broken_barh(spans, (y - 0.36, 0.72), zorder=2, **_filled(colors[name], style)))
+            if found := spans(trajectory.t, trajectory.modes[name] == mode):
+                out.append(below.broken_barh(found, (y - 0.36, 0.72), zorder=2, **_filled(colors[name], style)))
     return out
 
 
-def _spans(t: Array, there: Array) -> list[tuple[float, float]]:
+def spans(t: Array, there: Array) -> list[tuple[float, float]]:
     """(begin, length) of each run of samples; a sample covers the time to the next one."""
     edges = np.flatnonzero(np.diff(np.r_[False, there, False]))
     ends = np.r_[t, t[-1]]

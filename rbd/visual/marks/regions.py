@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, rank_of
 from rbd.constraints.convex.polygons import outline
+from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
@@ -22,20 +23,27 @@ from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_
 APART = 0.1
 """Footprints nearer to the one before than this share of their size are the same: a foot that was lifted for an instant."""
 
+SAMPLES = 25
+"""Points of a way through the air."""
+RING = np.array([[np.cos(a), np.sin(a), 0.0] for a in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)])
+"""Corners of a circle around where a point is put down."""
+
 
 @dataclass(frozen=True, eq=False)
 class Footprints:
-    """The outlines of a contact where it stood.
+    """The outlines of a contact where it stood, or is to stand.
 
     Attributes:
         name: Of the contact.
         color: The contact's.
-        outlines: Corners of each in W, in order around it, shapes (k, 3) [m].
+        outlines: Corners of each in W, in order around it, shapes (k, 3) [m]; of a point one.
+        ways: Of a plan: ways through the air, points in W, shapes (k, 3) [m]; its outlines are not filled.
     """
 
     name: str
     color: str
     outlines: tuple[Array, ...]
+    ways: tuple[Array, ...] = ()
 
 
 def footprints_of(trajectory: Any) -> list[Footprints]:
@@ -67,6 +75,18 @@ def footprints_of(trajectory: Any) -> list[Footprints]:
         if len(places) > 1:
             found.append(Footprints(name, color, tuple(places)))
     return found
+
+
+def planned_footprints(plan: WalkPlan) -> list[Footprints]:
+    """Of each foot of a plan the footholds after the first stance, and the ways to them."""
+    out = []
+    for foot, color in contact_colors(plan.poses).items():
+        own, corners = plan.swings[foot], plan.floor.feet[foot].corners
+        outlines = [np.array([s.end.act(corner) for corner in corners]) for s in own]
+        ways = [np.array([s.at(t)[0].translation for t in np.linspace(s.start, s.landing, SAMPLES)]) for s in own]
+        if own:
+            out.append(Footprints(f"{foot}, as planned", color, tuple(outlines), tuple(ways)))
+    return out
 
 
 def _distance(one: Array, other: Array) -> float:
@@ -172,6 +192,11 @@ def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: A
 
 def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
     flat = [outline + [0.0, 0.0, sizes.lift] for outline in stood.outlines]
+    if stood.ways:
+        rings = [outline if len(outline) > 1 else outline + 4.0 * sizes.line * RING for outline in flat]
+        lines = [primitives.line(outline, radius=0.9 * sizes.line, closed=True) for outline in rings]
+        ways = [primitives.line(way, radius=0.4 * sizes.line) for way in stood.ways]
+        return [Mark(f"{at}/edges", lines, stood.color, 0.9), Mark(f"{at}/ways", ways, stood.color, 0.5)]
     edges = [primitives.line(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
     areas = [primitives.polygon(outline) for outline in flat]
     return [Mark(f"{at}/edges", edges, stood.color, 0.6), Mark(f"{at}/areas", areas, stood.color, 0.18)]

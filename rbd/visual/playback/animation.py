@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_positive, check_whole
+from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError, PictureError
 from rbd.errors.inputs import check_kind, check_known
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.motion.report import MotionReport
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.marks.regions import footprints_of
+from rbd.visual.marks.regions import footprints_of, planned_footprints
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.curves import Choice, described, together
@@ -72,6 +73,7 @@ class Playback:
         follow: Whether the camera follows the robot.
         trace: Whether to draw the path of the centre of mass; by default of all but reports.
         footprints: Whether to draw footprints.
+        plan: A plan of a walk, whose footprints are drawn.
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
@@ -92,6 +94,7 @@ class Playback:
     follow: bool | None = None
     trace: bool | None = None
     footprints: bool = True
+    plan: WalkPlan | None = None
     ground: bool | None = None
     seen_from: Sequence[float] | Array | None = None
     arrow_per_weight: float | None = None
@@ -123,6 +126,7 @@ class Playback:
         usual = {**USUAL, "title": shown.title, **shown.defaults}
         given: Any = replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
         check_kind("title", given.title, str, "text")
+        check_kind("plan", given.plan, WalkPlan | None, "walk.plan of a rbd.control.Walk, or None")
         speed = check_positive("speed", given.speed, MOST_SPEED)
         if speed < LEAST_SPEED:
             raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
@@ -157,6 +161,7 @@ def export_motion(
     follow: bool | None = None,
     trace: bool | None = None,
     footprints: bool = True,
+    plan: WalkPlan | None = None,
     ground: bool | None = None,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
@@ -198,6 +203,7 @@ def export_motion(
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass; by default of all but reports.
         footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
+        plan: A plan of a walk, as `walk.plan`: its footprints and ways of feet are drawn as lines.
         ground: Whether to draw the ground z = 0 as a grid; by default of all but planar chains.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
@@ -265,8 +271,9 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         settings["sheet"] = sheet
     scene.stand_on(*page.terrains)
     scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
-    if given.footprints and outlines:
-        scene.draw(*outlines)
+    planned = [] if given.plan is None else planned_footprints(given.plan)
+    if drawn := [*(outlines if given.footprints else ()), *planned]:
+        scene.draw(*drawn)
     return scene
 
 

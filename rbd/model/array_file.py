@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
@@ -29,7 +29,7 @@ from rbd.modules import xarray_or_error
 if TYPE_CHECKING:
     import xarray
 
-FORMAT, VERSION = "rbd trajectory", 1
+VERSION = 1
 HEADER = "header"
 FREE, TIMES = 16_000_000, 64
 """Limit of the unpacked bytes: a constant, and a multiple of the file's size; real motions do not compress further."""
@@ -51,6 +51,16 @@ INVALID_BYTES = (
     AttributeError,
 )
 """Exceptions of zipfile and NumPy on invalid bytes."""
+
+
+class FileKind(NamedTuple):
+    """What a file holds, as its header says it, and what writes it."""
+
+    name: str
+    writer: str
+
+
+TRAJECTORY = FileKind("trajectory", "Trajectory.save(path)")
 
 
 def a_path(path: object, expected: str = "the path of a file, e.g. 'fall.npz'") -> Path:
@@ -80,26 +90,26 @@ def a_trajectory_path(path: object) -> Path:
     return found
 
 
-def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
+def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, Array], kind: FileKind = TRAJECTORY) -> None:
     """Header and arrays, float or text, uncompressed."""
-    text = np.array(as_json(header))
+    text = np.array(as_json(header, kind))
     write_file(path, lambda file: np.savez(file, allow_pickle=False, **{HEADER: text, **arrays}))
 
 
-def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+def read_npz(path: Path, kind: FileKind = TRAJECTORY) -> tuple[dict[str, Any], dict[str, Array]]:
     """Header and arrays from a file of `write_npz`.
 
     Raises:
-        InputError: no such file, or not a trajectory: cut short, changed, or of another kind.
+        InputError: no such file, or not one of this kind: cut short, changed, or of another kind.
     """
     data = _bytes(path)
     try:
         arrays = _members(data, "fU")
     except INVALID_BYTES as error:
-        raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
+        raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200], kind)) from error
     if HEADER not in arrays:
-        raise InputError(_foreign(path, f"it holds {', '.join(sorted(arrays))[:200] or 'nothing'}"))
-    return _header(path, str(arrays.pop(HEADER)), len(data)), arrays
+        raise InputError(_foreign(path, f"it holds {', '.join(sorted(arrays))[:200] or 'nothing'}", kind))
+    return _header(path, str(arrays.pop(HEADER)), len(data), kind), arrays
 
 
 def npz_arrays(path: Path, kinds: str = "fiuU", objects: Callable[[bytes], Any] | None = None) -> dict[str, Any]:
@@ -184,7 +194,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str, objects:
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
     """A dataset, the header among its attributes."""
-    whole = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header)})
+    whole = dataset.assign_attrs({**dataset.attrs, HEADER: as_json(header, TRAJECTORY)})
     try:
         content = whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
     except UnicodeEncodeError as error:
@@ -205,9 +215,9 @@ def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:
     return _header(path, text, len(data)), dataset
 
 
-def as_json(header: Mapping[str, Any]) -> str:
+def as_json(header: Mapping[str, Any], kind: FileKind) -> str:
     """The header as text, numbers to the last bit."""
-    return json.dumps({"format": FORMAT, "version": VERSION, **header}, allow_nan=False)
+    return json.dumps({"format": f"rbd {kind.name}", "version": VERSION, **header}, allow_nan=False)
 
 
 def _bytes(path: Path) -> bytes:
@@ -221,24 +231,24 @@ def _bytes(path: Path) -> bytes:
         raise InputError(f"{str(path)!r:.200} is larger than the memory.") from None
 
 
-def _header(path: Path, text: str, file_size: int) -> dict[str, Any]:
+def _header(path: Path, text: str, file_size: int, kind: FileKind = TRAJECTORY) -> dict[str, Any]:
     try:
         check_header(text, file_size)
         header = json.loads(text)
     except (ValueError, RecursionError):
         header = None
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise InputError(_foreign(path, f"its header is {text!r:.80}"))
+    if not isinstance(header, dict) or header.get("format") != f"rbd {kind.name}":
+        raise InputError(_foreign(path, f"its header is {text!r:.80}", kind))
     if header.get("version") != VERSION:
         raise InputError(
-            f"{path.name} is a trajectory of format {header.get('version')!r:.20}; this rbd reads format {VERSION}. "
+            f"{path.name} is a {kind.name} of format {header.get('version')!r:.20}; this rbd reads format {VERSION}. "
             f"It was written by rbd {header.get('rbd')!r:.20}: use that, or a later one."
         )
     return header
 
 
-def _foreign(path: Path, what: str) -> str:
-    return f"{path.name} is no trajectory, or an incomplete one: {what}. Expected what Trajectory.save(path) writes."
+def _foreign(path: Path, what: str, kind: FileKind = TRAJECTORY) -> str:
+    return f"{path.name} is no {kind.name}, or an incomplete one: {what}. Expected what {kind.writer} writes."
 
 
 class BytesReadOnce(io.BytesIO):

@@ -1,0 +1,99 @@
+"""Pictures of walks: the plan from above, from the side and over time; torques against limits; footprints on a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+import rbd
+from rbd.control import Walk
+from rbd.errors import InputError
+from rbd.visual.marks.regions import planned_footprints
+from rbd.visual.style import contact_colors
+
+
+@pytest.fixture(scope="module")
+def stairs(talos: rbd.Robot) -> Walk:
+    """Four steps onto one stair."""
+    return Walk(talos, 4, terrain=rbd.Terrain.stairs(0.1, 0.5, 1, start=(0.25, 0.0, 0.0)))
+
+
+def test_a_plan_is_drawn_from_above(stairs: Walk) -> None:
+    """Footprints with the corners of the soles, numbered as they land; treads with their heights; the centre of mass."""
+    plan = stairs.plan
+    ax = Figure().subplots()
+    path, *_ = rbd.visual.plot_walk(ax, plan)
+    assert np.array_equal(np.transpose(path.get_data()), plan.centroid.com[:, :2])
+    corners = {foot.name: foot.corners for foot in stairs.contacts}
+    wanted = [np.array([step.pose.act(c)[:2] for c in corners[step.foot]]) for step in plan.footsteps]
+    drawn = [patch.get_xy()[:4] for patch in ax.patches if isinstance(patch, Polygon)]
+    assert all(any(np.abs(one - other).max() < 1e-12 for other in drawn if one.shape == other.shape) for one in wanted)
+    numbers = {text.get_text(): text.get_position() for text in ax.texts if text.get_text().isdigit()}
+    assert list(numbers) and {int(n) for n in numbers} == {1, 2, 3, 4}
+    for i, corner in enumerate(wanted):
+        assert numbers[str(i + 1)] == pytest.approx(corner.mean(axis=0))
+    assert {text.get_text().strip() for text in ax.texts} >= {"0 cm", "10 cm"}
+    assert ax.get_aspect() == 1.0
+
+
+def test_ways_of_feet_and_their_stays(stairs: Walk) -> None:
+    """As high as planned, as far as the foot comes; a bar from landing to lift-off."""
+    plan = stairs.plan
+    above, side, time = Figure().subplots(3)
+    rbd.visual.plot_walk([above, side, time], plan)
+    ways = [line.get_xydata() for line in side.lines if len(line.get_xydata()) > 10 and line.get_color() != "#66717d"]
+    swings = [swing for own in plan.swings.values() for swing in own]
+    assert len(ways) == len(swings) == 4
+    for way, swing in zip(ways, swings, strict=True):
+        far = np.linalg.norm((swing.end.translation - swing.begin.translation)[:2])
+        assert np.ptp(way[:, 0]) == pytest.approx(far, abs=1e-9)
+        assert way[:, 1].max() == pytest.approx(swing.top, abs=1e-3) and way[-1, 1] == pytest.approx(swing.end.translation[2])
+    bars = [bar for bar in time.collections if isinstance(bar, PolyCollection)]
+    for bar, (foot, own) in zip(bars, plan.swings.items(), strict=True):
+        edges = np.array([path.vertices[:, 0] for path in bar.get_paths()])
+        assert edges.min(axis=1) == pytest.approx([0.0, *(s.landing for s in own)]), foot
+        assert edges.max(axis=1) == pytest.approx([*(s.start for s in own), plan.duration])
+
+
+def test_point_feet_that_land_together_share_a_number() -> None:
+    """A trot of two swings: numbers 1 and 2, twice each."""
+    plan = Walk(rbd.load_robot("solo12"), 2, gait="trot").plan
+    axes = plan.plot()[0].figure.axes
+    assert sorted(text.get_text() for text in axes[0].texts) == ["1", "1", "2", "2"]
+    assert [label.get_text() for label in axes[2].get_yticklabels()] == list(plan.poses)
+
+
+def test_torques_against_limits(stairs: Walk) -> None:
+    """In per cent, the limit dashed; bars where contacts were counted on."""
+    short = rbd.simulate(stairs.state, stairs.contacts, duration=0.05, step=2e-3, controller=stairs, progress=False)
+    log = stairs.log
+    torques, contacts = Figure().subplots(2)
+    lines = rbd.visual.plot_control([torques, contacts], log)
+    most = max(float(line.get_ydata().max()) for line in torques.lines if line.get_label() != "limit")
+    assert most == pytest.approx(100.0 * log.torque_share.max()) and len(short) > 20
+    assert {line.get_label() for line in torques.lines} >= {"limit", "largest of the others"}
+    assert lines[0] in torques.lines and len(contacts.collections) == 4
+    assert rbd.visual.plot_control(torques, log)
+
+
+def test_a_page_has_the_footprints_of_the_plan(stairs: Walk, tmp_path: Path) -> None:
+    """In the colours of the contacts, where the feet are to be put down; of no plan there is a message."""
+    run = rbd.simulate(stairs.state, stairs.contacts, duration=0.02, step=2e-3, controller=stairs, progress=False)
+    found = planned_footprints(stairs.plan)
+    assert [(one.name, one.color) for one in found] == [
+        (f"{foot}, as planned", color) for foot, color in contact_colors(stairs.plan.poses).items()
+    ]
+    places = [outline.mean(axis=0) for one in found for outline in one.outlines]
+    steps = [step.pose.translation for foot in stairs.plan.poses for step in stairs.plan.footsteps if step.foot == foot]
+    assert places == pytest.approx(np.array(steps), abs=1e-9)
+    page = run.export(tmp_path / "walk.html", plan=stairs.plan)
+    assert "footprints of left_sole, as planned" in page.read_text()
+    with pytest.raises(InputError, match="plan is 'walk'; expected"):
+        run.export(tmp_path / "walk.html", plan="walk")
+    with pytest.raises(InputError, match="axes are 4; expected one to 3"):
+        rbd.visual.plot_walk(list(Figure().subplots(4)), stairs.plan)
