@@ -3,8 +3,8 @@
 With the centre of mass c at a height h over level contacts, w = sqrt(g / h), and the capture point x = c + c' / w:
 
 inside     The motion  c(t) = x + (c(0) - x) exp(-w t)  comes to rest over x. At all times it takes the force m (w^2 (c - x), g)
-           through c, from the point x of the ground: s = exp(-w t) of the first one, and 1 - s of the weight's, applied at x. So
-           forces within their cones, and torques within their limits, at its beginning and its end prove it at all times;
+           through c, from the point x of the ground: s = exp(-w t) of the first one, and 1 - s of the weight's, applied at x.
+           So forces within their cones, and torques within their limits, at its beginning and its end prove it at all times;
            and the places x for which there are such forces are convex.
 outside    About an edge of the contacts' hull no force from the ground turns the robot back. With u the distance of c beyond
            the edge over its height z, K the angular momentum about the edge, |L| <= Lmax about c, and z below a height H,
@@ -66,7 +66,7 @@ class CaptureRegion(Displayed):
         >>> solo = rbd.load_robot("solo12")
         >>> region = rbd.control.capture_region(solo.standing(), solo.feet(friction=0.7))
         >>> print(region)
-        without a step it comes to rest from capture points in 529.57 cm2, and from none outside 1164.08 cm2
+        without a step it comes to rest from capture points in 674.13 cm2, and from none outside 1636.76 cm2
         >>> region.contains([0.1, 0.0]), region.beyond([0.3, 0.0])
         (True, True)
     """
@@ -217,9 +217,12 @@ def capture_region(
         raise InputError(f"the centre of mass of {robot.name} is {h:.3g} m over its contacts; expected it above them.")
     g = float(np.linalg.norm(robot.gravity))
     w, mass = np.sqrt(g / h), robot.mass
-    said = "momentum of capture_region"
-    most = MOMENTUM * mass * h * np.sqrt(g * h) if momentum is None else check_number(said, momentum, 0.0, expected="[N m s]")
-    top = h if highest is None else check_number("highest of capture_region", highest, h, expected=f"at least {h:.3g} m")
+    usual = mass * h * np.sqrt(g * h)
+    most, top = MOMENTUM * usual, h
+    if momentum is not None:
+        most = check_number("momentum of capture_region", momentum, 0.0, 1e3 * usual, expected="[N m s]")
+    if highest is not None:
+        top = check_number("highest of capture_region", highest, h, 1e3 * h, expected=f"a height of {h:.3g} m or more")
     begin = zmp_region(
         pose, contacts, on=level, torque_limits=torque_limits, margin=margin, friction=friction
     )  # fmt: skip
