@@ -51,7 +51,9 @@ class Balance(Walk):
     The plan of the least cost is followed, where each step costs something, and a hasty one more. What a single step cannot
     save is saved by those that are planned later.
 
-    A foot that has not landed when it was to is waited for. Feet stay where they were put down.
+    A push that acts, which is the rate of momentum less that of the contact forces, is expected to last for 0.13 sqrt(h / g).
+    A foot that has not landed when it was to is waited for. Feet stay where they were put down. It does not save every fall:
+    Talos is saved from 80 N s at its torso forwards and backwards, and falls to the left from 65.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
     the controller keeps as well as it can (`log`).
