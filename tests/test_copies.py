@@ -150,6 +150,8 @@ def motions() -> Iterator[object]:
     yield rbd.control.ContactSchedule({"toe": [(0.0, 1.0)]})
     walk = rbd.control.Walk(rbd.load_robot("solo12"), 1, gait="trot")
     yield from (walk, walk.plan, walk.plan.footsteps[0], walk.gait)
+    yield rbd.control.Balance(rbd.load_robot("g1"))
+    yield rbd.control.capture_region(walk.state, walk.contacts, friction="inscribed")
     whole_body = rbd.control.WholeBodyController([posture])
     whole_body.accepted(rbd.control.AcceptedStep(arm.at(), 0.0, 0.01, {}))
     yield from (whole_body, whole_body.log)

@@ -92,6 +92,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", rbd.errors.ModelWarning)
     BOLT = rbd.load_robot("bolt")
     SOLO_12 = rbd.load_robot("solo12")
+    G1 = rbd.load_robot("g1")
 STATE = BOLT.standing()
 FEET = BOLT.feet()
 TAU = np.zeros(BOLT.nu)
@@ -327,6 +328,19 @@ def use_walk(robot: Any, steps: Any = 1, *args: Any, **given: Any) -> Any:
     walk = rbd.control.Walk(robot, min(steps, 3) if isinstance(steps, int) else steps, *args, **given)
     walk.accepted(rbd.control.AcceptedStep(walk.state, 0.0, 1e-3, {}))
     return walk(walk.state, 0.0), walk.plan.centroid.com, str(walk)
+
+
+def use_balance(**given: Any) -> Any:
+    """Its first torques, and where it stands."""
+    balance = rbd.control.Balance(**given)
+    balance.accepted(rbd.control.AcceptedStep(balance.state, 0.0, 1e-3, {}))
+    return balance(balance.state, 0.0), balance.plan.centroid.com, str(balance)
+
+
+def use_capture(**given: Any) -> Any:
+    """Its polygons, and what they say of a point."""
+    region = rbd.control.capture_region(**given)
+    return region.inner, region.outer, region.capture_point, region.contains([0.0, 0.0]), region.beyond([1.0, 0.0])
 
 
 def use_schedule(schedule: Any) -> Any:
@@ -762,7 +776,7 @@ CASES: dict[str, Case] = {
     "zmp_region": Case(
         lambda **given: use_region(rbd.statics.zmp_region, **given),
         {"state": BOX.at(), "contacts": FLOOR, "on": -1.0, "pendular": True, "margin": 0.1, "friction": "inscribed"}
-        | {"area_gap": 1e-3},
+        | {"area_gap": 1e-3, "torque_limits": False},
         30,
     ),
     "wrench_cone": Case(
@@ -1181,6 +1195,22 @@ CASES: dict[str, Case] = {
         lambda **given: rbd.control.Gait(**given).flies,
         {"order": (("left",), ("right",)), "swing": 2.0, "overlap": 1.0, "lift": 0.1, "stride": 0.2},
     ),
+    "Balance": Case(
+        lambda **given: use_balance(**given),
+        {"robot": G1, "terrain": 0.0, "friction": 0.6, "state": G1.standing(), "model": G1, "steps": True},
+        60,
+    ),
+    "capture_region": Case(
+        lambda **given: use_capture(**given),
+        {"state": SOLO_12.standing(), "contacts": SOLO_12.feet(friction=0.7), "torque_limits": True, "momentum": 0.1}
+        | {"highest": 0.3, "margin": 0.1, "friction": "inscribed"},
+        20,
+    ),
+    "visual.plot_capture": Case(
+        lambda ax, region: len(rbd.visual.plot_capture(ax, region)),
+        {"ax": Figure().subplots(), "region": rbd.control.capture_region(SOLO_12.standing(), SOLO_12.feet(friction=0.7))},
+        10,
+    ),
     "Walk": Case(
         lambda **given: use_walk(**given),
         {"robot": SOLO_12, "steps": 1, "velocity": np.array([0.05, 0.0, 0.0]), "terrain": 0.0, "gait": "trot", "friction": 0.6}
@@ -1581,6 +1611,7 @@ MADE_BY_RBD = {
     "Derivatives",
     "ContactWrenchCone",
     "PushLimits",
+    "CaptureRegion",
     "SupportRegion",
     "ZmpRegion",
     "Actuation",

@@ -2,6 +2,7 @@
 
 from functools import partial as _partial
 
+from rbd.control.capture import CaptureRegion, capture_region
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.control_log import ControlLog
 from rbd.control.following import follow
@@ -14,6 +15,7 @@ from rbd.control.task_terms import Reference, Task, TaskTerms
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.torques import inverse_dynamics_many
 from rbd.control.tracking import TrackingController
+from rbd.control.walking.balance import Balance
 from rbd.control.walking.footsteps import Footstep
 from rbd.control.walking.gaits import Gait
 from rbd.control.walking.plan import WalkPlan
@@ -24,6 +26,8 @@ from rbd.modules import submodule as _submodule
 
 __all__ = [
     "AcceptedStep",
+    "Balance",
+    "CaptureRegion",
     "ComTask",
     "ContactSchedule",
     "ContactTouch",
@@ -51,6 +55,7 @@ __all__ = [
     "WalkPlan",
     "WholeBodyController",
     "ZeroOrderHold",
+    "capture_region",
     "follow",
     "inverse_dynamics_many",
     "step",

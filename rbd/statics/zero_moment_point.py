@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -146,6 +147,7 @@ def zmp_region(
     *,
     on: On = 0.0,
     pendular: bool = True,
+    torque_limits: bool = False,
     margin: float = 0.0,
     friction: str = "cone",
     area_gap: float = 1e-4,
@@ -153,7 +155,7 @@ def zmp_region(
     """Where the zero-moment point may be, for forces in the contacts' friction cones to make the motion [Caron2017].
 
     On flat ground with enough friction it is the convex hull of the contact points. With hands on walls or feet on slopes it is
-    another polygon, which may lie outside that hull, and depends on the height of the plane. Torque limits are left out.
+    another polygon, which may lie outside that hull, and depends on the height of the plane.
 
     Args:
         state: Where the robot is; its velocity does not count.
@@ -161,6 +163,8 @@ def zmp_region(
         on: The plane: the height of a level one [m], or `rbd.Ground(point=..., normal=...)`.
         pendular: The centre of mass stays at its height and the angular momentum about it is constant (linear pendulum); the
             region then depends on where the centre of mass is. False: any motion with a force that pushes along the normal.
+        torque_limits: Whether motors keep within their limits, with the gravity torques and Jacobians of this pose; torques of
+            the acceleration are left out.
         margin: Share of each coefficient of friction that is left unused.
         friction: "cone", the circular cones; "inscribed" or "circumscribed", the pyramids inside or around them.
         area_gap: With circular cones, by how much the area of the outer polygon may exceed that of the inner one [m2].
@@ -178,11 +182,12 @@ def zmp_region(
         0.131 m2
     """
     check_flag("pendular", pendular)
+    check_flag("torque_limits of zmp_region", torque_limits)
     gap = check_area_gap(area_gap)
     ground = plane_of("the zero-moment point", on)
     rows = given_rows(state, contacts)
     loads = ForceBalance(state, rows, force_sets(rows, friction, margin), state.h)
-    program = (_pendulum if pendular else _any_motion)(loads, ground)
+    program = (_pendulum if pendular else _any_motion)(loads, ground, [loads.torque_rows] if torque_limits else [])
     found, ways, cut = planar_region(program, np.zeros(2), gap, state.robot.name)
     foot, axes = _foot(state, ground)[1], _plane_axes(ground)
     return ZmpRegion(
@@ -211,7 +216,7 @@ def wrench_map(rows: Sequence[Rows], sets_G: Array, about: Array) -> Array:
     return out
 
 
-def _pendulum(loads: ForceBalance, ground: Ground) -> Conic:
+def _pendulum(loads: ForceBalance, ground: Ground, limits: Sequence[Any]) -> Conic:
     """X = (w, z - foot): M_c = 0, F_z = the weight's part along -z, and F along the line from z to c."""
     state, n = loads.state, np.asarray(ground.normal)
     height, g = float(ground.distances(state.com[None])[0]), state.robot.gravity
@@ -226,16 +231,16 @@ def _pendulum(loads: ForceBalance, ground: Ground) -> Conic:
     W, E = wrench_map(loads.rows, loads.sets.G, state.com), _plane_axes(ground)
     along = {"forces": E.T @ W[:3], "point": down * np.eye(2) / height}  # F_t / F_z = (c - z)_t / height
     equations = [({"forces": W[3:]}, np.zeros(3)), ({"forces": n[None] @ W[:3]}, np.array([down])), (along, np.zeros(2))]
-    return Conic.of({"forces": loads.block(), "point": Unknowns(2)}, equations)
+    return Conic.of({"forces": loads.block(), "point": Unknowns(2)}, equations, limits)
 
 
-def _any_motion(loads: ForceBalance, ground: Ground) -> Conic:
+def _any_motion(loads: ForceBalance, ground: Ground, limits: Sequence[Any]) -> Conic:
     """X = (w, z - foot): F . n = the weight, and z = n x M_foot over it; larger forces have the same points."""
     n, foot = _foot(loads.state, ground)
     W, E = wrench_map(loads.rows, loads.sets.G, foot), _plane_axes(ground)
     across = {"forces": E.T @ cross_matrix(n) @ W[3:], "point": -np.eye(2)}
     equations = [({"forces": n[None] @ W[:3]}, np.ones(1)), (across, np.zeros(2))]
-    return Conic.of({"forces": loads.block(), "point": Unknowns(2)}, equations)
+    return Conic.of({"forces": loads.block(), "point": Unknowns(2)}, equations, limits)
 
 
 def _foot(state: State, ground: Ground) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ from rbd.modules import submodule as _submodule
 from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import axes_or_new as axes_or_new, plot_ranges
-from rbd.visual.figures.statics_plots import plot_directions, plot_pushes, plot_region, plot_wrench_cone
+from rbd.visual.figures.statics_plots import plot_capture, plot_directions, plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report, plot_timing
 from rbd.visual.figures.walk_plots import plot_control, plot_walk
@@ -41,6 +41,7 @@ __all__ = [
     "mode_scene",
     "motion_sheet",
     "notebook_page",
+    "plot_capture",
     "plot_control",
     "plot_directions",
     "plot_eigenvalues",

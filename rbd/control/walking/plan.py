@@ -188,6 +188,9 @@ class Planner:
         friction: Coulomb's coefficient.
         lift: Height of feet over what is below them [m].
         fade: See `WalkPlan`.
+        turning: See `TURNING`.
+        fastest: See `FASTEST`.
+        agreed: See `AGREED`.
     """
 
     robot: CheckedModel
@@ -200,6 +203,9 @@ class Planner:
     friction: float
     lift: float
     fade: float
+    turning: float = TURNING
+    fastest: float = FASTEST
+    agreed: float = AGREED
 
     def over(self, steps: Sequence[Footstep]) -> WalkPlan:
         """A plan over footsteps, from rest to rest."""
@@ -273,11 +279,11 @@ class Planner:
             np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft, placed),
             np.zeros((len(t), 3)), np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts),
             (False, True), start=start, normals=None if self.floor.level else np.concatenate(normals, axis=1),
-            costs=CentroidCosts(turning=TURNING * self.unit, shift=SHIFT * self.h),
+            costs=CentroidCosts(turning=self.turning * self.unit, shift=SHIFT * self.h),
         )  # fmt: skip
         found = program.solve()
         for _ in range(PASSES):
-            if found.residual < AGREED:
+            if found.residual < self.agreed:
                 break
             found = program.solve(found)
         moved = {key: found.shifts[i] for key, i in number.items()}
@@ -382,7 +388,7 @@ class Planner:
             for k, s in enumerate(some[foot]):
                 left = s.landing - max(t, s.start)
                 if left > SOONEST * self.unit:
-                    shifts[foot, k] = FASTEST * self.h / self.unit * (left - 0.8 * SOONEST * self.unit)
+                    shifts[foot, k] = self.fastest * self.h / self.unit * (left - 0.8 * SOONEST * self.unit)
         end = max([t, *(s.landing for own in some.values() for s in own)]) + REST * self.unit
         found, moved = self.plan(some, t, end, start, COARSE, shifts)
         swings = dict[str, tuple[Swing, ...]]()

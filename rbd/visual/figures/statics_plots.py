@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.convex.polygons import convex_hull
+from rbd.control.capture import CaptureRegion
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.state import State
@@ -19,7 +20,7 @@ from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual.figures.plots import an_axis, frame
 from rbd.visual.marks.regions import name_and_color
-from rbd.visual.style import COM_COLOR, LIMIT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
+from rbd.visual.style import COM_COLOR, LIMIT_COLORS, PUSH_COLOR, SUPPORT_COLOR, WRENCH_COLOR, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -79,6 +80,43 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
     _limits(ax, regions)
     along = "" if is_along_z(state.robot.gravity) else " on z = 0, along gravity"
     _plane(ax, f"x{along} [m]", "y [m]", legend="")
+    return drawn
+
+
+def plot_capture(ax: Axes, region: CaptureRegion) -> list[Artist]:
+    """Draw a capture region from above: the inner polygon as an area, the outer one dashed, feet, the state's capture point.
+
+    Args:
+        ax: Matplotlib axes.
+        region: Of `rbd.control.capture_region`.
+
+    Returns:
+        What was drawn: the area and its edge, the outer polygon, contacts, the centre of mass, the capture point.
+
+    Raises:
+        InputError: if `ax` are no axes, or `region` something else.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> solo, axes = rbd.load_robot("solo12"), Figure().subplots()
+        >>> artists = rbd.visual.plot_capture(axes, rbd.control.capture_region(solo.standing(), solo.feet()))
+        >>> [text.get_text() for text in axes.get_legend().get_texts()][:2]
+        ['comes to rest from here', 'from outside it cannot']
+    """
+    an_axis(ax)
+    check_kind("region of plot_capture", region, CaptureRegion, "what rbd.control.capture_region returns")
+    drawn: list[Artist] = [*ax.fill(*_closed(region.inner), color=SUPPORT_COLOR, alpha=0.18, lw=0.0)]
+    drawn += ax.plot(*_closed(region.inner), color=SUPPORT_COLOR, lw=1.8, label="comes to rest from here")
+    drawn += ax.plot(*_closed(region.outer), "--", color=SUPPORT_COLOR, lw=1.0, label="from outside it cannot")
+    drawn += _contacts(ax, region.state, region.end.loads.rows)
+    (x, y), point = region.state.com[:2], region.capture_point
+    drawn += ax.plot([x], [y], "o", color=COM_COLOR, ms=6.0, mec="white", mew=0.8, label="centre of mass")
+    drawn += ax.plot(point[:1], point[1:], "X", color=PUSH_COLOR, ms=8.0, mec="white", mew=0.8, label="capture point")
+    points = np.vstack([region.outer, point[None]])
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = _ROOM * float((high - low).max())
+    ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
+    _plane(ax, "x [m]", "y [m]", legend="")
     return drawn
 
 
