@@ -13,8 +13,9 @@ import pytest
 import rbd
 from rbd.control import Footstep, Gait, Push, Walk, WalkPlan
 from rbd.control.walking.gaits import GAITS
+from rbd.control.walking.legs import carrying
 from rbd.control.walking.swings import Swing, bump, smooth, to_rest
-from rbd.errors import InputError, ModelError, UnknownName
+from rbd.errors import InputError, ModelError, SingularInertia, UnknownName
 
 FRICTION, STEP = 0.6, 2e-3
 
@@ -103,18 +104,72 @@ def test_a_plan_is_a_motion(solo: rbd.Robot) -> None:
     assert plan.momentum(-1.0).value == pytest.approx(np.zeros(6))
 
 
-@pytest.mark.parametrize("gait", ["crawl", "trot"])
+@pytest.mark.parametrize("gait", ["crawl", "trot", "bound"])
 def test_quadrupeds_walk(solo: rbd.Robot, gait: str) -> None:
-    """By each gait, as far as planned."""
+    """By each gait, as far as planned, without a new plan; a bound flies and pitches."""
     walk = Walk(solo, 4, gait=gait, friction=FRICTION)
     run = walked(walk)
     end = run.state(-1)
-    assert walk.log.violations == 0 and end.com[2] == pytest.approx(walk.state.com[2], abs=5e-3)
-    assert end.com[:2] == pytest.approx(walk.plan.centroid.com[-1, :2], abs=2e-2)
+    assert walk.log.violations == 0 and not walk.plans and end.com[2] == pytest.approx(walk.state.com[2], abs=5e-3)
+    assert end.com[:2] == pytest.approx(walk.plan.centroid.com[-1, :2], abs=1e-3)
     assert end.com[0] - walk.state.com[0] > 0.02
+    if gait == "bound":
+        assert walk.gait.flies and not walk.plan.centroid.forces.any(axis=(1, 2)).all()
+        assert max(abs(walk.plan.tilt(t, 0.0)[0, 1]) for t in walk.plan.t) > 0.1
 
 
-@pytest.mark.parametrize("name", ["talos", "g1", "icub", "romeo"])
+def test_a_tilt_is_the_integral_of_its_rate(solo: rbd.Robot) -> None:
+    """And the rate that of its acceleration, as differences say; it ends level."""
+    plan = Walk(solo, 4, gait="bound", friction=FRICTION).plan
+    for t in np.linspace(0.4, 1.2, 7):
+        before, now, after = (plan.tilt(t + by, 0.0) for by in (-1e-5, 0.0, 1e-5))
+        assert (after - before)[:2] / 2e-5 == pytest.approx(now[1:], abs=1e-4)
+    assert np.abs(plan.tilt(plan.duration, 0.0)[0]).max() < 0.01
+
+
+def test_the_weight_is_within_the_torques_of_ankles() -> None:
+    """At the corners that a plan uses: by the generalised force of the weight on a foot, not by the formula."""
+    human = rbd.load_robot("human")
+    state, feet = human.standing(), human.feet()
+    points = carrying(state, feet, float(state.com[2]))
+    ankles = [j for j, name in enumerate(human.model.names[2:]) if "ankle" in name]
+    limits = human.effort_limit[ankles]
+    for foot in feet:
+        shares = [
+            (np.abs(state.frame(foot.frame, foot.placement.act(p)).J[2, 6:][ankles]) * human.mass * 9.81 / limits).max()
+            for p in points[foot.name]
+        ]
+        assert max(shares) == pytest.approx(0.8, abs=1e-3)  # mass times 9.81 is the weight to 1e-4
+    talos = rbd.load_robot("talos")
+    for foot, inner in carrying(talos.standing(), talos.feet(), 0.9).items():
+        corners = next(np.asarray(each.corners) for each in talos.feet() if each.name == foot)
+        assert sorted(inner[:, :2].ravel()) == pytest.approx(sorted(0.75 * corners[:, :2].ravel()))
+
+
+@pytest.mark.parametrize(
+    ("name", "gait", "said"),
+    [
+        ("bolt", None, "right_foot are points: it falls"),
+        ("solo8", "trot", r"move 'front_left' in 2 directions, and not along \[-?0.0, -?1.0"),
+        ("solo12", "pace", r"would roll by 0\.3"),
+        ("b1", "bound", r"too weak for this walk: .* times the torque limit of 'RL_calf_joint'"),
+    ],
+)
+def test_robots_that_cannot_walk_are_refused(name: str, gait: str | None, said: str) -> None:
+    """Before, with the reason."""
+    with pytest.raises((InputError, ModelError), match=said):
+        Walk(rbd.load_robot(name), gait=gait)
+
+
+@pytest.mark.filterwarnings("ignore::rbd.errors.ModelWarning")
+@pytest.mark.parametrize("name", ["romeo_full", "icub_full"])
+def test_a_singular_inertia_is_refused(name: str) -> None:
+    """Before the first step."""
+    with pytest.raises(SingularInertia, match="has no motion where it stands"):
+        Walk(rbd.load_robot(name))
+
+
+@pytest.mark.parametrize("name", ["talos", "g1", "icub", "romeo", "human"])
 def test_bipeds_walk_six_steps(name: str) -> None:
     """One call each."""
     walk = Walk(rbd.load_robot(name), 6, friction=FRICTION)

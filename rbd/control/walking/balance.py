@@ -37,7 +37,7 @@ QUICK, HASTE = 25.0, 100.0
 """Acceleration of a foot in the air [m/s2] that costs so much: legs that are thrown forward pull the trunk along."""
 LOOK = 0.13
 """A push that acts is expected to last for so long [sqrt(h / g)]."""
-TURNING, FASTEST, AGREED = 2e-2, 0.5, 1e-3
+LEVEL, FASTEST, AGREED = 0.27, 0.5, 1e-3
 """As of `rbd.control.walking.plan`: more angular momentum is allowed than in a walk, feet are not so quick from rest."""
 
 
@@ -105,7 +105,7 @@ class Balance(Walk):
         self.steps = steps
         self._before: tuple[float, Array, Array, tuple[str, ...]] | None = None
         self._planner = replace(
-            self._planner, lift=LIFT * self._planner.h, turning=TURNING, fastest=FASTEST, agreed=AGREED
+            self._planner, lift=LIFT * self._planner.h, level=LEVEL, fastest=FASTEST, agreed=AGREED
         )  # fmt: skip
         self.reset()
 

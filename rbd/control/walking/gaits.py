@@ -31,6 +31,8 @@ class Gait(Displayed):
         overlap: From when a group is to land until the next is lifted [sqrt(h / g)]; negative: it is lifted before.
         lift: Height of a foot over what is below it, over h.
         stride: How far the body moves in one swing and overlap, over h.
+        tilt: Angle of roll and pitch in a time sqrt(h / g) that costs as much as 6 % of h of the centre of mass [rad]; 0: the
+            body is to stay level.
 
     Raises:
         InputError: feet that are not there or swing twice, times and heights out of range.
@@ -45,6 +47,7 @@ class Gait(Displayed):
     overlap: float
     lift: float = 0.07
     stride: float = 0.23
+    tilt: float = 0.0
 
     def __post_init__(self) -> None:
         said = "order of a gait"
@@ -61,6 +64,7 @@ class Gait(Displayed):
         check_number("overlap of a gait", self.overlap, -0.9 * self.swing, 20.0, expected="a time, shorter than a swing")
         check_number("lift of a gait", self.lift, 0.0, 0.5, expected="a height >= 0 [h]")
         check_number("stride of a gait", self.stride, 0.0, 2.0, expected="a length >= 0 [h]")
+        check_number("tilt of a gait", self.tilt, 0.0, 1.0, expected="an angle >= 0 [rad]")
 
     @property
     def flies(self) -> bool:
@@ -73,8 +77,8 @@ GAITS = {
     "walk": Gait((("right",), ("left",)), 2.35, 1.0),
     "crawl": Gait((("hind_left",), ("front_left",), ("hind_right",), ("front_right",)), 2.0, 0.7, 0.12, 0.1),
     "trot": Gait((("front_left", "hind_right"), ("front_right", "hind_left")), 1.6, 0.3, 0.12, 0.2),
-    "pace": Gait((("front_left", "hind_left"), ("front_right", "hind_right")), 1.2, 0.2, 0.12, 0.15),
-    "bound": Gait((("hind_left", "hind_right"), ("front_left", "front_right")), 1.2, -0.2, 0.12, 0.15),
+    "pace": Gait((("front_left", "hind_left"), ("front_right", "hind_right")), 1.2, 0.2, 0.12, 0.15, 0.1),
+    "bound": Gait((("hind_left", "hind_right"), ("front_left", "front_right")), 1.2, -0.2, 0.12, 0.15, 0.3),
 }
 """By name: of two feet the first, of four the others."""
 

@@ -29,16 +29,17 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-INNER = 0.75
-"""Forces of the plan act at the corners of soles made smaller by this."""
 FRICTION_SHARE = 0.8
 """Share of the friction that the plan uses."""
 EVERY, COARSE = 0.1, 0.2
-"""Time between two of the plan's times [sqrt(h / g)]; of one that is made on the way."""
+"""Time between two of the plan's times [sqrt(h / g)]; of one that is made on the way, at most: two in each overlap."""
+LEVEL = 0.04
+"""`Gait.tilt` in the costs of a gait in which the body is to stay level [rad]."""
 PASSES, AGREED = 8, 1e-5
 """How often moments are linearised again, at most; and the residual at which they are not."""
-TURNING = 3e-3
-"""Size of the angular momentum that costs as much as 5 cm of the centre of mass, over the weight and sqrt(h / g) [m]."""
+COM, ACCELERATION, JERK, FORCE_RATE, SHIFT, MOMENT = 0.057, 0.2, 1.8, 1.5, 0.3, 4.0
+"""Costs of the plan (`CentroidCosts`), in units of h, g and sqrt(h / g): so robots of all sizes move alike. Angular momentum
+costs as much where the body would tilt by `Gait.tilt` in one of these times, its rate where that changed within a quarter."""
 BESIDE = 0.01
 """Feet pass beside edges at this distance [m]."""
 WAYS = (
@@ -51,8 +52,6 @@ WAYS = (
 """When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
 SAG = 0.06
 """On terrain it walks lower by this, over h: legs reach farther."""
-SHIFT = 0.3
-"""Size of a shift of a foothold, over h, of the same cost where the foot stands for a quarter of a second."""
 AHEAD, REST = 7.0, 3.0
 """A plan that is made on the way has the steps that begin so soon; after the last one it comes to rest for so long
 [sqrt(h / g)]."""
@@ -81,6 +80,9 @@ class WalkPlan(Displayed):
         t: Times, shape (n,) [s].
         centroid: Centre of mass, rate of angular momentum and forces at these times.
         fade: Forces of feet rise and fall within this time [s].
+        inertia: See `Planner`.
+        tilts: Whether the body rolls and pitches with the angular momentum; else it is kept level.
+        tilted: Angle of roll and pitch at the first time, a rotation vector, shape (3,) [rad].
         until: From when on it knows no more steps though there are [s]; infinite where it has all.
     """
 
@@ -91,6 +93,9 @@ class WalkPlan(Displayed):
     t: Array
     centroid: CentroidPlan
     fade: float
+    inertia: Array
+    tilts: bool
+    tilted: Array
     until: float = math.inf
 
     @property
@@ -129,6 +134,10 @@ class WalkPlan(Displayed):
     def _momentum(self) -> Any:
         return self._moment.antiderivative()
 
+    @lazy
+    def _angle(self) -> Any:
+        return self._momentum.antiderivative()
+
     def com(self, t: float) -> Reference:
         """Centre of mass, its velocity and acceleration."""
         within = min(max(t, float(self.t[0])), self.duration)
@@ -142,6 +151,24 @@ class WalkPlan(Displayed):
         if within == t:
             L[3:], rate[3:] = self.centroid.start + self._momentum(within), self._moment(within)
         return Reference(L, rate)
+
+    def tilt(self, t: float, turned: float) -> Array:
+        """Rotation vector of roll and pitch that the angular momentum brings about, its rate and acceleration, shape (3, 3).
+
+        Of a robot that moves as one body, and of small angles: integral of the momentum, it and its rate, over the inertia.
+
+        Args:
+            t: Time [s].
+            turned: By how much the robot has turned since the start [rad].
+        """
+        if not self.tilts:
+            return np.zeros((3, 3))
+        R = pin.rpy.rpyToMatrix(0.0, 0.0, turned)
+        within, first = min(max(t, float(self.t[0])), self.duration), float(self.t[0])
+        total = self._angle(within) - self._angle(first) + (within - first) * self.centroid.start
+        known = self.momentum(t)
+        level = np.array([total, known.value[3:], known.velocity[3:]]) @ np.linalg.inv(R @ self.inertia @ R.T) / self.robot.mass
+        return np.asarray((level + [self.tilted, np.zeros(3), np.zeros(3)]) * [1.0, 1.0, 0.0])
 
     def swing(self, foot: str, t: float) -> Swing | None:
         """The last way through the air that has begun, else the first; None of a foot that stays."""
@@ -181,6 +208,7 @@ class Planner:
         robot: Whose walk it is.
         floor: What is walked on.
         poses: {foot: pose of its contact's centre at the start}.
+        points: {foot: where forces of the plan act on it, shape (k, 3)}.
         com: The centre of mass at the start [m].
         yaw: Heading at the start [rad].
         h: Height of the centre of mass over the feet [m].
@@ -188,7 +216,10 @@ class Planner:
         friction: Coulomb's coefficient.
         lift: Height of feet over what is below them [m].
         fade: See `WalkPlan`.
-        turning: See `TURNING`.
+        tilt: See `Gait`.
+        overlap: See `Gait`.
+        inertia: Of the robot that turns over its feet, see `inertia_on_feet`, shape (3, 3) [m2].
+        level: See `LEVEL`.
         fastest: See `FASTEST`.
         agreed: See `AGREED`.
     """
@@ -196,6 +227,7 @@ class Planner:
     robot: CheckedModel
     floor: Floor
     poses: Mapping[str, pin.SE3]
+    points: Mapping[str, Array]
     com: Array
     yaw: float
     h: float
@@ -203,7 +235,10 @@ class Planner:
     friction: float
     lift: float
     fade: float
-    turning: float = TURNING
+    tilt: float
+    overlap: float
+    inertia: Array
+    level: float = LEVEL
     fastest: float = FASTEST
     agreed: float = AGREED
 
@@ -215,7 +250,7 @@ class Planner:
             swings[step.foot].append(self.way(step.foot, begin, step.pose, step.start, step.end - step.start))
         end = max((s.end for s in steps), default=0.0) + REST * self.unit
         ready = {foot: tuple(own) for foot, own in swings.items()}
-        return self.plan(ready, 0.0, end, (self.com, np.zeros(3), np.zeros(3)), EVERY, {})[0]
+        return self.plan(ready, 0.0, end, (self.com, np.zeros(3), np.zeros(3), np.zeros(3)), EVERY, {})[0]
 
     def way(self, foot: str, begin: pin.SE3, end: pin.SE3, start: float, T: float) -> Swing:
         """From one foothold to the next, over what lies between."""
@@ -243,7 +278,7 @@ class Planner:
         swings: Mapping[str, tuple[Swing, ...]],
         begin: float,
         end: float,
-        start: tuple[Array, Array, Array],
+        start: tuple[Array, Array, Array, Array],
         every: float,
         shifts: Mapping[tuple[str, int], float],
     ) -> tuple[WalkPlan, dict[tuple[str, int], Array]]:
@@ -253,17 +288,19 @@ class Planner:
             swings: {foot: its ways through the air}.
             begin: First time [s].
             end: Last time [s].
-            start: Centre of mass, its velocity, and angular momentum at the first time.
+            start: Centre of mass, its velocity, angular momentum, and tilt at the first time.
             every: Time between two of its times [sqrt(h / g)].
             shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
         """
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
-        draft = WalkPlan(self.robot, self.floor, swings, self.poses, t, None, self.fade)  # type: ignore[arg-type]
+        none: Any = None
+        draft = WalkPlan(
+            self.robot, self.floor, swings, self.poses, t, none, self.fade, self.inertia, self.tilt > 0.0, start[3]
+        )  # fmt: skip
         number = {key: i for i, key in enumerate(shifts)}
         points, touches, stance, normals, placed = [], [], [], [], dict[str, list[pin.SE3]]()
-        for foot, contact in self.floor.feet.items():
-            corners, own = np.asarray(contact.corners), swings[foot]
-            inner = corners.mean(axis=0) + INNER * (corners - corners.mean(axis=0))
+        for foot in self.floor.feet:
+            inner, own = self.points[foot], swings[foot]
             placed[foot] = [draft.placed(foot, x) for x in t]
             points.append(np.array([[X.act(p) for p in inner] for X in placed[foot]]))
             begun = np.searchsorted([s.start + INSTANT for s in own], t)
@@ -278,8 +315,8 @@ class Planner:
             float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1),
             np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft, placed),
             np.zeros((len(t), 3)), np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts),
-            (False, True), start=start, normals=None if self.floor.level else np.concatenate(normals, axis=1),
-            costs=CentroidCosts(turning=self.turning * self.unit, shift=SHIFT * self.h),
+            (False, True), start=start[:3], normals=None if self.floor.level else np.concatenate(normals, axis=1),
+            costs=self._costs(),
         )  # fmt: skip
         found = program.solve()
         for _ in range(PASSES):
@@ -288,6 +325,15 @@ class Planner:
             found = program.solve(found)
         moved = {key: found.shifts[i] for key, i in number.items()}
         return replace(draft, centroid=found), moved
+
+    def _costs(self) -> CentroidCosts:
+        h, unit = self.h, self.unit
+        g = h / unit**2
+        radian = 0.5 * float(self.inertia[0, 0] + self.inertia[1, 1]) / (g * unit)
+        return CentroidCosts(
+            com=COM * h, momentum=MOMENT * radian * (self.tilt or LEVEL) / unit, acceleration=ACCELERATION * g,
+            jerk=JERK * g / unit, force_rate=FORCE_RATE / unit, shift=SHIFT * h, turning=radian * (self.tilt or self.level),
+        )  # fmt: skip
 
     def _reference(self, draft: WalkPlan, placed: Mapping[str, Sequence[pin.SE3]]) -> Array:
         """Over the middle of the feet, at the height at which it stands."""
@@ -362,7 +408,7 @@ class Planner:
         found, failed = list[WalkPlan](), list[NoSolution]()
         for by in self._sooner(plan, t) if hurry else (0.0,):
             try:
-                found.append(self._again(sooner(plan, t, by), t, (com, v, L)))
+                found.append(self._again(sooner(plan, t, by), t, (com, v, L, plan.tilt(t, plan.turn(t))[0])))
             except NoSolution as error:
                 failed.append(error)
         if not found:
@@ -379,7 +425,7 @@ class Planner:
         wait = min((s.start - t for s in swings if s.start >= t), default=0.0)
         return [0.0, *(share * wait for share in (0.5, 1.0) if wait > 0.1 * self.unit)]
 
-    def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array]) -> WalkPlan:
+    def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array, Array]) -> WalkPlan:
         ahead, shifts = t + AHEAD * self.unit, dict[tuple[str, int], float]()
         some, beyond = dict[str, tuple[Swing, ...]](), False
         for foot, own in plan.swings.items():
@@ -390,7 +436,7 @@ class Planner:
                 if left > SOONEST * self.unit:
                     shifts[foot, k] = self.fastest * self.h / self.unit * (left - 0.8 * SOONEST * self.unit)
         end = max([t, *(s.landing for own in some.values() for s in own)]) + REST * self.unit
-        found, moved = self.plan(some, t, end, start, COARSE, shifts)
+        found, moved = self.plan(some, t, end, start, min(COARSE, max(0.5 * abs(self.overlap), EVERY)), shifts)
         swings = dict[str, tuple[Swing, ...]]()
         later = np.mean(list(moved.values()), axis=0) if moved and not self.floor.uneven else np.zeros(2)
         for foot, own in plan.swings.items():

@@ -21,6 +21,7 @@ from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, steps_of
 from rbd.control.walking.gaits import Gait, gait_of, roles_of
+from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet
 from rbd.control.walking.plan import Planner, WalkPlan
 from rbd.control.whole_body import WholeBodyController
 from rbd.displayed import Displayed
@@ -33,8 +34,13 @@ from rbd.robots.robot import Robot
 
 OFF, FAR = 0.02, 0.04
 """A capture point that is so far off the plan's, over h, makes a new plan; one that may also hurry feet ..."""
+ROLLS = 0.115
+"""A plan that rolls the body by more is refused [rad]: of eight robots in a pace those that roll by less walk, others fall."""
 AGAIN = 0.25
 """... but not more often than every [sqrt(h / g)]."""
+SIZE = 0.877
+"""Costs and gains of tasks are those of a robot of this h [m]; on four feet they grow with smaller h, as lengths and times do.
+On two they do not: with larger ones G1 (h = 0.67 m) fell after pushes that it takes up with these."""
 STARTS = 3.0
 """When the first foot is lifted [sqrt(h / g)]."""
 RISE = 0.18
@@ -73,7 +79,7 @@ class Walk(Displayed):
         friction: Coulomb's coefficient of the contacts; the plan uses 80 % of it.
         state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture.
         model: The model with which it computes, of the same joints; None: the robot itself.
-        adapts: Whether it plans again on the way.
+        adapts: Whether it plans again on the way; not in gaits with flight, whose tilt a new plan does not know.
 
     Attributes:
         robot: The robot.
@@ -84,9 +90,11 @@ class Walk(Displayed):
         plans: (time, plan) of those that were made on the way.
 
     Raises:
-        InputError: velocities that are too fast, with the limit; a footstep without a place to stand on; one out of reach, with
+        InputError: velocities that are too fast, with the limit; gaits that take too much of the torques, or roll too far; a
+            footstep without a place to stand on; one out of reach, with
             the nearest place that is not; wrong kinds.
-        ModelError: a robot without feet.
+        ModelError: a robot without feet; two feet that are points; feet that joints move in too few directions.
+        SingularInertia: M is singular where it starts.
         CannotReach: it cannot stand on the ground where it starts.
         NoSolution: there is no motion of the centre of mass over the footsteps.
 
@@ -132,13 +140,15 @@ class Walk(Displayed):
         h = float(self.state.com[2] - centres[:, 2].mean())
         if not h > 0.0:
             raise InputError(f"the centre of mass of {robot.name} is {h:.3g} m above its feet; expected it over them.")
+        check_legs(self.state, self.contacts, h)
         unit = math.sqrt(h / float(np.linalg.norm(robot.gravity)))
         self.gait = gait_of(gait, len(feet))
         roles, floor = roles_of(self.state, self.contacts, centres), Floor(on, feet, RISE * h)
         poses |= {name: floor.pose(name, X.translation, yaw) for name, X in poses.items() if len(feet[name].corners) == 1}
         self._planner = Planner(
-            robot, floor, poses, self.state.com, yaw, h, unit, friction, self.gait.lift * h,
-            min(0.05, max(0.4 * self.gait.overlap * unit, 0.004)),
+            robot, floor, poses, carrying(self.state, self.contacts, h), self.state.com, yaw, h, unit, friction,
+            self.gait.lift * h, min(0.05, max(0.4 * self.gait.overlap * unit, 0.004)), self.gait.tilt,
+            self.gait.overlap, inertia_on_feet(self.state, self.contacts),
         )  # fmt: skip
         planned: Sequence[Footstep]
         if isinstance(steps, int | np.integer):
@@ -149,23 +159,10 @@ class Walk(Displayed):
             planned = self._given(steps)
         self._first = self._planner.over(planned)
         self._check_reach()
+        self._check_strength()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
         self._again = -math.inf
-        tasks: list[Task] = [
-            ComTask(self._com, cost=1000.0, gain=60.0),
-            MomentumTask(self._momentum, angular_cost=3.0, gain=5.0),
-            FrameTask(self._base, partial(self._turned, R), orientation_cost=10.0, gain=80.0),
-            PostureTask(self.state.q, cost=0.5, gain=40.0),
-        ]
-        for foot in self.contacts:
-            offset = foot.placement.act(foot.corners.mean(axis=0))
-            tasks.append(
-                FrameTask(
-                    foot.frame, partial(self._foot, foot), offset=offset, position_cost=1000.0, orientation_cost=200.0,
-                    gain=400.0, name=foot.name,
-                )
-            )  # fmt: skip
-        self._control = WholeBodyController(tasks, self.contacts, schedule=self.plan.schedule, robot=model)
+        self._control = WholeBodyController(self._tasks(R), self.contacts, schedule=self.plan.schedule, robot=model)
 
     @property
     def duration(self) -> float:
@@ -194,7 +191,7 @@ class Walk(Displayed):
             InputError: a state of another robot than before.
             NoSolution: no torques were found.
         """
-        if self.adapts:
+        if self.adapts and not self.gait.flies:
             self._adapt(step.state, step.t)
         self._control.accepted(step)
 
@@ -208,6 +205,25 @@ class Walk(Displayed):
 
     def __str__(self) -> str:
         return f"{self._first}{f'; planned {len(self.plans)} times more on the way' if self.plans else ''}"
+
+    def _tasks(self, R: Array) -> list[Task]:
+        """What is followed; the base more firmly where it is to tilt, all more firmly by small robots on four feet."""
+        firm, size = 100.0 if self.gait.tilt else 10.0, 1.0 if len(self.contacts) == 2 else self._planner.h / SIZE
+        tasks: list[Task] = [
+            ComTask(self._com, cost=1000.0 / size**2, gain=60.0 / size),
+            MomentumTask(self._momentum, angular_cost=3.0 / size**4, gain=5.0 / math.sqrt(size)),
+            FrameTask(self._base, partial(self._turned, R), orientation_cost=firm, gain=80.0 / size),
+            PostureTask(self.state.q, cost=0.5, gain=40.0 / size),
+        ]
+        for foot in self.contacts:
+            offset = foot.placement.act(foot.corners.mean(axis=0))
+            tasks.append(
+                FrameTask(
+                    foot.frame, partial(self._foot, foot), offset=offset, position_cost=1000.0 / size**2,
+                    orientation_cost=200.0, gain=400.0 / size, name=foot.name,
+                )
+            )  # fmt: skip
+        return tasks
 
     def _advance(self, velocity: Any) -> Array:
         """How far the body moves forwards and aside, and turns, in one swing and overlap [m, rad]."""
@@ -268,6 +284,28 @@ class Walk(Displayed):
                         f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
 
+    def _check_strength(self) -> None:
+        """Refuse plans that roll the body far, or take more than the torque limits: tau = -J^T f at points, standing."""
+        robot, plan, points = self.robot, self._first, [len(foot.corners) for foot in self.contacts]
+        roll = max(abs(float(self.state.frame(self._base).X_WF.rotation[:, 0] @ plan.tilt(t, 0.0)[0])) for t in plan.t)
+        if roll > ROLLS:
+            raise InputError(
+                f"in this gait the body of {robot.name} would roll by {roll:.2f} rad; at most {ROLLS} is taken. Give another "
+                "gait, or a rbd.control.Gait with shorter swings."
+            )
+        if max(points) > 1:  # of soles the plan's points are where ankles carry
+            return
+        offsets = [foot.placement.act(foot.corners[0]) for foot in self.contacts]
+        J = np.array([self.state.frame(f.frame, p).J[:3, robot.motors] for f, p in zip(self.contacts, offsets, strict=True)])
+        use = robot.torque_use(-np.einsum("nkd,kdj->nj", plan.centroid.forces, J))
+        k, j = np.unravel_index(int(use.argmax()), use.shape)
+        if use[k, j] > 1.0:
+            raise InputError(
+                f"{robot.name} is too weak for this walk: at {plan.t[k]:.2f} s the plan's forces take {use[k, j]:.2f} times "
+                f"the torque limit of {robot.joints.at_v(int(np.arange(robot.nv)[robot.motors][j])).name!r}. Give a gait with "
+                "more feet on the ground, or a slower velocity."
+            )
+
     def _adapt(self, state: State, t: float) -> None:
         """Plan again where the capture point is off the plan's."""
         unit, known = self._planner.unit, self.plan.com(t)
@@ -293,11 +331,12 @@ class Walk(Displayed):
         return self.plan.momentum(t)
 
     def _turned(self, R: Array, t: float) -> Reference:
-        """How the base is turned: with the feet."""
+        """How the base is turned: with the feet, and tilted as the angular momentum has it."""
         dt = 1e-3
         before, turn, after = (self.plan.turn(t + by) for by in (-dt, 0.0, dt))
-        rate = np.array([0.0, 0.0, (after - before) / (2.0 * dt)])
-        return Reference(pin.rpy.rpyToMatrix(0.0, 0.0, turn) @ R, rate, np.zeros(3))
+        angle, rate, acceleration = self.plan.tilt(t, turn)
+        rate[2] = (after - before) / (2.0 * dt)
+        return Reference(pin.exp3(angle) @ pin.rpy.rpyToMatrix(0.0, 0.0, turn) @ R, rate, acceleration)
 
     def _foot(self, foot: Contact, t: float) -> Reference:
         """Where a foot in the air is to be; of a point its place alone."""
