@@ -64,7 +64,7 @@ def check(result: Result) -> None:
     controller, walk = result.controller, result.walk
     for step in controller.plan.footsteps:
         _, x, speed = landing(result, step)
-        assert abs(x - (step.pose.translation - controller.plan.poses[step.foot].translation)[0]) < 1e-3 and speed < 0.2
+        assert abs(x - (step.pose.translation - controller.plan.poses[step.foot].translation)[0]) < 1e-3 and speed < 0.1
     assert (np.abs(walk.tau) <= walk.robot.effort_limit).all()
     assert controller.log.violations == 0 and controller.log.residual.max() < 1e-9
 
