@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
@@ -156,24 +157,38 @@ def folders() -> list[str]:
 
 
 def warm_up() -> tuple[str, ...]:
-    """Prepare all, and say nothing; the names of the functions that this process compiled."""
+    """Prepare all, and say nothing; the names of the functions that were compiled, by as many processes as there are cores."""
     _Process.told = True
+    n = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    code = "import sys; from rbd import kernels; print(*kernels.share(int(sys.argv[1]), int(sys.argv[2])))"
+    own = [[sys.executable, "-c", code, str(i), str(n)] for i in range(n if n > 1 and in_use() else 0)]
+    others = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in own]
+    names = [name for other in others for name in other.communicate()[0].split()]
     prepare(every=True)
+    return tuple(dict.fromkeys((*names, *_Process.compiled)))
+
+
+def share(i: int, n: int) -> tuple[str, ...]:
+    """Compile every n-th function that has a signature, from the i-th on, and what these call; the names."""
+    _Process.told = True
+    for name in modules():
+        import_module(name)
+    _listen()
+    _make(i, n)
     return _Process.compiled
 
 
-def _make() -> None:
+def _make(first: int = 0, step: int = 1) -> None:
     """Functions of Numba for those kernels that have none; and in their modules, so that they call each other directly."""
     waiting = [kernel for kernel in _kernels if kernel.made is None]
     for kernel in waiting:
         kernel.made = _dispatcher(kernel)
     for space in {id(kernel.function.__globals__): kernel.function.__globals__ for kernel in waiting}.values():
         space.update({name: value.made for name, value in space.items() if isinstance(value, Kernel)})
-    for kernel in waiting:
-        if kernel.types is not None:
-            result, arguments = kernel.types
-            kernel.made.compile(_type(result)(*map(_type, arguments)))
-            kernel.made.disable_compile()
+    for kernel in [kernel for kernel in waiting if kernel.types is not None][first::step]:
+        result, arguments = kernel.types
+        kernel.made.compile(_type(result)(*map(_type, arguments)))
+        kernel.made.disable_compile()
 
 
 def _type(kind: Any) -> Any:

@@ -55,7 +55,7 @@ class Plan(Displayed):
         pushes: Forces of the plan at its knots.
         intervals: What is known of each interval of time, the proof.
         friction: Coulomb's coefficient of feet that are given by name.
-        ground: What they stand on.
+        floor: What they stand on.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -73,7 +73,7 @@ class Plan(Displayed):
     pushes: Pushes
     intervals: Intervals
     friction: float
-    ground: On
+    floor: On
 
     @property
     def duration(self) -> float:
@@ -115,7 +115,7 @@ class Plan(Displayed):
         n = max(round(SAMPLED * self.duration), 2)
         t = np.linspace(self.curve.t[0], self.curve.t[-1], n + 1)
         q, v, a = self.curve.at(t)
-        ground = self.ground if isinstance(self.ground, Terrain | float) else None
+        ground = self.floor if isinstance(self.floor, Terrain | float) else None
         return Motion.of_arrays(self.robot, t, q, v, a, source="plan", ground=ground, quaternion="xyzw", trust=True)
 
     @property
