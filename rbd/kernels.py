@@ -73,12 +73,13 @@ class _Process:
         few: Calls that may still run in Python.
         inside: Whether one runs now.
         told: Whether it has said that it compiles.
+        shared: Whether it has let other processes compile.
         compiled: Functions compiled so far, by their names, once for each set of types.
         kept: Whether they are kept on disk.
     """
 
     few = 0 if os.environ.get("RBD_COMPILED") else FEW
-    inside = told = False
+    inside = told = shared = False
     compiled: tuple[str, ...] = ()
     kept = True
 
@@ -161,11 +162,12 @@ def warm_up() -> tuple[str, ...]:
     _Process.told = True
     n = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     code = "import sys; from rbd import kernels; print(*kernels.share(int(sys.argv[1]), int(sys.argv[2])))"
-    own = [[sys.executable, "-c", code, str(i), str(n)] for i in range(n if n > 1 and in_use() else 0)]
+    own = [[sys.executable, "-c", code, str(i), str(n)] for i in range(n if n > 1 and in_use() and not _Process.shared else 0)]
     others = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in own]
-    names = [name for other in others for name in other.communicate()[0].split()]
+    _Process.compiled += tuple(name for other in others for name in other.communicate()[0].split())
+    _Process.shared = True
     prepare(every=True)
-    return tuple(dict.fromkeys((*names, *_Process.compiled)))
+    return _Process.compiled
 
 
 def share(i: int, n: int) -> tuple[str, ...]:
