@@ -88,3 +88,8 @@ def check_whole() -> None:
 def in_use() -> bool:
     """Whether functions in loops are compiled; else they take some hundred times as long."""
     return os.environ.get("RBD_COMPILED") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") == "0"
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

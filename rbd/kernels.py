@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rbd.installation import in_use
+from rbd.installation import cores, in_use
 
 FEW = 2_500
 """Calls that run in Python, of kernels from kernels too: 20 answers where all sticks, one or two where points slip."""
@@ -139,9 +139,13 @@ def prepare(*, every: bool = False) -> None:
         _listen()
         _make()
         if every or _Process.compiled and _Process.kept:
-            for name in modules():
-                import_module(name)
+            _import()
             _make()
+
+
+def _import() -> None:
+    for name in modules():
+        import_module(name)
 
 
 def modules() -> list[str]:
@@ -160,7 +164,7 @@ def folders() -> list[str]:
 def warm_up() -> tuple[str, ...]:
     """Prepare all, and say nothing; the names of the functions that were compiled, by as many processes as there are cores."""
     _Process.told = True
-    n = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    n = cores()
     code = "import sys; from rbd import kernels; print(*kernels.share(int(sys.argv[1]), int(sys.argv[2])))"
     own = [[sys.executable, "-c", code, str(i), str(n)] for i in range(n if n > 1 and in_use() and not _Process.shared else 0)]
     others = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in own]
@@ -173,8 +177,7 @@ def warm_up() -> tuple[str, ...]:
 def share(i: int, n: int) -> tuple[str, ...]:
     """Compile every n-th function that has a signature, from the i-th on, and what these call; the names."""
     _Process.told = True
-    for name in modules():
-        import_module(name)
+    _import()
     _listen()
     _make(i, n)
     return _Process.compiled

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from rbd.arrays import check_whole
 from rbd.errors import InputError
+from rbd.installation import cores
 from rbd.model.data_pool import RenewedLock
 
 T = TypeVar("T")
@@ -143,11 +144,6 @@ def _libraries() -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -23,7 +23,6 @@ from rbd.cli.ground_option import GroundOption, ground_of
 from rbd.cli.stand_command import region, stand
 from rbd.cli.terminal import (
     FIGURES,
-    INTERRUPTED,
     PAGES,
     TRAJECTORIES,
     VIDEOS,
@@ -40,17 +39,18 @@ from rbd.cli.terminal import (
     Video,
     answering,
     check_outputs,
+    end,
     in_gravity,
     names_of,
     open_console,
-    play,
     print_report,
+    reached,
     serve,
     timed,
     write_outputs,
 )
 from rbd.cli.walk_command import walk
-from rbd.errors import InputError, ModelWarning, Reason, SimulationStopped
+from rbd.errors import InputError, ModelWarning
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
@@ -216,17 +216,14 @@ def simulate(
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):
             given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops, ground=on)
-        external, stopped = Pushes(pushed) if pushed else None, None
+        external = Pushes(pushed) if pushed else None
         with timed(seconds, "simulate"):
-            try:
-                trajectory = run(
-                    given.state, given.constraints, duration=duration, step=step, controller=given.controller,
+            trajectory, stopped = reached(
+                partial(
+                    run, given.state, given.constraints, duration=duration, step=step, controller=given.controller,
                     external=external, law=law, record_every=_every(duration, step),
-                )  # fmt: skip
-            except SimulationStopped as error:
-                if error.trajectory is None:
-                    raise
-                trajectory, stopped = error.trajectory, error
+                )
+            )  # fmt: skip
         print_report(console, SimulateReport(trajectory, given, pushed, seconds), json_, verbose)
         plays = len(trajectory) > 1
         write_outputs(
@@ -236,12 +233,7 @@ def simulate(
             ("picture", html if plays else None, partial(trajectory.export, external=external)),
             ("video", video if plays else None, partial(trajectory.video, external=external)),
         )
-        if show and plays:
-            play(console, trajectory, external)
-        if stopped is not None:
-            raise stopped
-        if trajectory.end_reason == Reason.INTERRUPTED:
-            raise typer.Exit(INTERRUPTED)
+        end(console, trajectory, stopped, external, show=show and plays)
 
 
 @app.command()

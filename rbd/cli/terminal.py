@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.text import Text
 from typer.models import OptionInfo
 
-from rbd.errors import InputError, NoSolution, RbdError, StudyStopped
+from rbd.errors import InputError, NoSolution, RbdError, Reason, SimulationStopped, StudyStopped
 from rbd.model.output_files import check_place, write_file, write_text
 from rbd.records import plain
 
@@ -295,6 +295,33 @@ def write_outputs(console: Console, *outputs: tuple[str, Path | None, Callable[[
         if path is not None:
             write(path)
             print_path(console, what, path)
+
+
+def reached(run: Callable[[], Trajectory]) -> tuple[Trajectory, SimulationStopped | None]:
+    """(the motion of a simulation, the error that ended it); one that ended before its first moment is raised."""
+    try:
+        return run(), None
+    except SimulationStopped as error:
+        if error.trajectory is None:
+            raise
+        return error.trajectory, error
+
+
+def end(
+    console: Console, motion: Trajectory, stopped: SimulationStopped | None, external: Pushes | None, *, show: bool
+) -> None:
+    """Play a simulated motion if asked to, and raise what ended it.
+
+    Raises:
+        SimulationStopped: what ended it.
+        typer.Exit: Ctrl-C ended it.
+    """
+    if show:
+        play(console, motion, external)
+    if stopped is not None:
+        raise stopped
+    if motion.end_reason == Reason.INTERRUPTED:
+        raise typer.Exit(INTERRUPTED)
 
 
 def play(console: Console, motion: Trajectory | MotionReport, external: Pushes | None = None) -> None:

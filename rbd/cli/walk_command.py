@@ -12,7 +12,6 @@ import typer
 from rbd.cli.ground_option import TerrainOption, ground_of
 from rbd.cli.terminal import (
     FIGURES,
-    INTERRUPTED,
     LOGS,
     PAGES,
     TRAJECTORIES,
@@ -27,16 +26,16 @@ from rbd.cli.terminal import (
     Video,
     answering,
     check_outputs,
+    end,
     names_of,
     numbers_of,
     open_console,
-    play,
     print_report,
+    reached,
     save_drawn,
     timed,
     write_outputs,
 )
-from rbd.errors import Reason, SimulationStopped
 
 
 def walk(
@@ -101,17 +100,14 @@ def walk(
         with timed(seconds, "plan"):
             on = 0.0 if terrain is None else ground_of(terrain, "--terrain", found)
             controller = Walk(found, steps, wanted, terrain=on, gait=gait, friction=friction)
-        external, stopped, first = Pushes(pushed) if pushed else None, None, controller.plan
+        external, first = Pushes(pushed) if pushed else None, controller.plan
         with timed(seconds, "simulate"):
-            try:
-                trajectory = run(
-                    controller.state, controller.contacts, duration=controller.duration, step=step, controller=controller,
+            trajectory, stopped = reached(
+                partial(
+                    run, controller.state, controller.contacts, duration=controller.duration, step=step, controller=controller,
                     external=external,
-                )  # fmt: skip
-            except SimulationStopped as error:
-                if error.trajectory is None:
-                    raise
-                trajectory, stopped = error.trajectory, error
+                )
+            )  # fmt: skip
         print_report(console, WalkReport(trajectory, controller, first, pushed, seconds), json_, verbose)
         plays = len(trajectory) > 1
         write_outputs(
@@ -123,9 +119,4 @@ def walk(
             ("picture", html if plays else None, partial(trajectory.export, external=external, plan=first)),
             ("video", video if plays else None, partial(trajectory.video, external=external)),
         )
-        if show and plays:
-            play(console, trajectory, external)
-        if stopped is not None:
-            raise stopped
-        if trajectory.end_reason == Reason.INTERRUPTED:
-            raise typer.Exit(INTERRUPTED)
+        end(console, trajectory, stopped, external, show=show and plays)

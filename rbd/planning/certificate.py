@@ -59,6 +59,10 @@ class Pushes:
     forces: Array
     friction: Array
 
+    def before(self, start: Array, end: Array) -> Array:
+        """The last knots before the middles of intervals, shape (m,)."""
+        return (np.searchsorted(self.t, 0.5 * (start + end)) - 1).clip(0, len(self.t) - 2)
+
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
@@ -141,8 +145,7 @@ def examined(
 ) -> Intervals:
     """What is known of some intervals, no knot inside of them; arguments as of `certified`."""
     robot, m, k = curve.robot, len(start), len(pushes.joint)
-    inside = 0.5 * (start + end)
-    knot = (np.searchsorted(pushes.t, inside) - 1).clip(0, len(pushes.t) - 2)
+    knot = pushes.before(start, end)
     on = pushes.on[knot] & pushes.on[knot + 1]
     q, v, a = curve.at(np.concatenate([start, end]))
     terms = FrameTerms.of(robot, q, v, a, None)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, each_times, lazy
+from rbd.arrays import Array, each_times
 from rbd.errors import Unsupported
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import exponential, flat_coordinates, from_flat, own_rates, product
@@ -81,14 +81,6 @@ class Curve:
         first = [middle + 0.5 * h * (sign * second + 0.25 * h * third) for sign in (-1.0, 1.0)]
         control = [first[0], first[0] + 0.5 * h * ends[0], first[1]]
         return np.array([np.abs(control).max(axis=0), np.abs(ends).max(axis=0), np.abs(third)])
-
-    @lazy
-    def extremes(self) -> tuple[Array, Array]:
-        """(least, largest) coordinates between each two knots, by Bernstein's form, shapes (n - 1, nv)."""
-        h = np.diff(self.t)[:, None]
-        x, dx = self.spline(self.t), self.spline(self.t, 1)
-        control = np.array([x[:-1], x[:-1] + h * dx[:-1] / 3.0, x[1:] - h * dx[1:] / 3.0, x[1:]])
-        return control.min(axis=0), control.max(axis=0)
 
 
 def _spins(angles: Array, rates: Array) -> tuple[Array, Array]:

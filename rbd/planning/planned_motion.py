@@ -11,6 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_flag, check_number, each_times, lazy
 from rbd.centroid import CentroidCosts
+from rbd.centroid.program import INNER
 from rbd.constraints.convex.polygons import across
 from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
@@ -23,7 +24,6 @@ from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
-from rbd.motion.repair.feet import INNER
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.curve import Curve
@@ -181,9 +181,7 @@ class Plan(Displayed):
 
     @lazy
     def _axes(self) -> Array:
-        inside = 0.5 * (self.intervals.start + self.intervals.end)
-        knot = (np.searchsorted(self.pushes.t, inside) - 1).clip(0, len(self.pushes.t) - 2)
-        return self.pushes.axes[knot]
+        return self.pushes.axes[self.pushes.before(self.intervals.start, self.intervals.end)]
 
     def __str__(self) -> str:
         x, names, drift = self.intervals, ", ".join(c.name for c in self.contacts.contacts), 1e3 * self.drift
@@ -301,7 +299,7 @@ def _told(said: str, error: CannotMove, t: tuple[float, ...], best: Plan | None)
 
 
 def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
-    sweep, centroid = knots.solved(done)
+    q, centroid = knots.solved(done)
     supports, group = knots.supports, knots.group
     R, p, _ = supports.paths(knots.t)
     corners = [np.asarray(c.corners) @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, c in enumerate(supports.contacts)]
@@ -314,7 +312,7 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
         knots.t, knots.feet.joint[group], knots.on[:, group], np.concatenate(corners, axis=1), axes[:, group], forces,
         knots.coefficients[group],
     )  # fmt: skip
-    curve = Curve.of(supports.robot, knots.t, sweep.q)
+    curve = Curve.of(supports.robot, knots.t, q)
     return Plan(supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), friction, ground)
 
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
+from rbd.centroid.program import inner_corners
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.model.sampled_motion import interpolated_q
 from rbd.motion.reference_motion import minimum_jerk
-from rbd.motion.repair.feet import INNER, Feet, blurred
+from rbd.motion.repair.feet import Feet, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
 from rbd.motion.repair.posture import Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
@@ -86,11 +87,11 @@ class Knots:
         """Where forces act, for contacts placed so, shape (n, k, 3) [m]."""
         out = []
         for f, contact in enumerate(self.supports.contacts):
-            out.append(inner_corners(contact) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
+            out.append(inner_corners(np.asarray(contact.corners)) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
         return np.concatenate(out, axis=1)
 
-    def solved(self, done: Callable[[float], None]) -> tuple[Sweep, CentroidPlan]:
-        """Poses that move as their contacts allow, and the forces.
+    def solved(self, done: Callable[[float], None]) -> tuple[Array, CentroidPlan]:
+        """(q, forces): poses that move as their contacts allow, from the first keyframe to the last, shape (n, nq).
 
         Raises:
             NoSolution: there is no motion of the centre of mass over these contacts.
@@ -131,9 +132,8 @@ class Knots:
             if stiff == 1.0 and last < SETTLED:
                 break
         assert plan is not None
-        ends_at = [self.supports.keys[i][1].q for i in (0, -1)]
-        sweep.q[[0, -1]] = ends_at  # from which they are off by what the least squares leave
-        return sweep, plan
+        q[[0, -1]] = [self.supports.keys[i][1].q for i in (0, -1)]  # from which they are off by what the least squares leave
+        return q, plan
 
     @lazy
     def coefficients(self) -> Array:
@@ -157,10 +157,3 @@ def _coefficient(contact: Contact) -> float:
             "contact.with_friction(0.6)."
         )
     return float(contact.friction)
-
-
-def inner_corners(contact: Contact) -> Array:
-    """Corners of a contact made smaller, in its own axes, shape (k, 3) [m]."""
-    corners = np.asarray(contact.corners)
-    middle = corners.mean(axis=0)
-    return np.asarray(middle + INNER * (corners - middle))

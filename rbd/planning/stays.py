@@ -13,6 +13,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float, lazy
 from rbd.constraints.contact import Contact
 from rbd.constraints.surface import On
+from rbd.control.walking.footsteps import centre_of
 from rbd.control.walking.swings import Swing, bump
 from rbd.errors import CannotReach, InputError
 from rbd.errors.inputs import check_kind, check_known
@@ -145,11 +146,6 @@ class PlannedContacts:
         return R, p, free
 
 
-def centre_of(state: State, contact: Contact) -> pin.SE3:
-    """Pose of the middle of a contact, in its axes."""
-    return state.frame(contact.frame).X_WF * contact.placement * pin.SE3(np.eye(3), np.asarray(contact.corners).mean(axis=0))
-
-
 def planned_contacts(
     robot: Robot, keyframes: Mapping[float, Any], contacts: Mapping[Any, Any], *, friction: float, ground: On
 ) -> PlannedContacts:
@@ -259,7 +255,8 @@ def _check_touch(contact: Contact, state: State, t: float) -> None:
         return
     gap = np.asarray(points.gaps)
     worst = float(gap[np.abs(gap).argmax()]) if len(gap) else 0.0
-    if contact.on is not None and len(gap) and not np.abs(gap).min() < OFF_M or worst < -OFF_M:
+    floats = contact.on is not None and np.abs(gap).min(initial=np.inf if len(gap) else 0.0) >= OFF_M
+    if floats or worst < -OFF_M:
         where = "inside" if worst < 0.0 else "above"
         raise InputError(
             f"{contact.name!r:.80} is to stand at {t:g} s, and the keyframe has it {1e3 * abs(worst):.1f} mm {where} its "

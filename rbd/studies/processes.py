@@ -20,12 +20,13 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, StudyStopped
+from rbd.installation import cores
 from rbd.model.content_hash import NoContent, digest, name_of
 from rbd.modules import of_study
 from rbd.studies.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, WarningCounts
 from rbd.studies.results import KeptRows, words_of
 from rbd.studies.samples import Samples
-from rbd.workers import MOST, UNGUARDED, ProcessDied, Workers, check_guard, cores, without_guard
+from rbd.workers import MOST, UNGUARDED, ProcessDied, Workers, check_guard, without_guard
 
 T = TypeVar("T")
 STUDY = "the study; executor=0"

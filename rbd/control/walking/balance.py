@@ -151,9 +151,8 @@ class Balance(Walk):
     def _save(self, step: AcceptedStep, momentum: Array) -> None:
         """A new plan, where the capture point is off or a foot is late."""
         t, state, unit = step.t, step.state, self._planner.unit
-        known, v = self.plan.com(t), momentum[:3] / self.robot.mass
-        off = state.com - known.value + unit * (v - known.velocity)
-        far = float(np.linalg.norm(off[:2])) / self._planner.h
+        v = momentum[:3] / self.robot.mass
+        far = self._far(state, v, t)
         plan = self._waits(t, step)
         if far < OFF and plan is self.plan:
             return

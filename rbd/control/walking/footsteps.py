@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_number
+from rbd.constraints.contact import Contact
 from rbd.constraints.surface import contact_axes
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.walking.gaits import Gait
@@ -18,6 +19,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.placement import rigid_placement
+from rbd.model.state import State
 from rbd.problem.ground import Ground
 
 MARGIN = 0.015
@@ -65,6 +67,11 @@ class Footstep(Displayed):
         start = check_number(f"start {said}", self.start, -1e6, 1e6, expected="a time [s]")
         end = check_number(f"end {said}", self.end, start + 1e-3, 1e6, expected="a time after its start [s]")
         self.__dict__.update(pose=X, start=start, end=end)
+
+
+def centre_of(state: State, contact: Contact) -> pin.SE3:
+    """Pose of the middle of a contact, in its axes."""
+    return state.frame(contact.frame).X_WF * contact.placement * pin.SE3(np.eye(3), np.asarray(contact.corners).mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

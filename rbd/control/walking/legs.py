@@ -9,14 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, inertia_factor
+from rbd.centroid.program import inner_corners
 from rbd.constraints.convex.polygons import clipped
 from rbd.errors import ModelError, SingularInertia
 from rbd.model.state import State
 
-INNER = 0.75
-"""Forces of the plan act at the corners of soles made smaller by this ..."""
 ANKLES = 0.8
-"""... and where the whole weight takes at most this share of the torque limits of the ankles."""
+"""Forces of the plan act where the whole weight takes at most this share of the torque limits of the ankles."""
 ANKLE = 0.1
 """Joints of a foot are nearer to the last one than this, over h: the others are of the leg."""
 BENT, RANK = 0.1, 1e-6
@@ -81,7 +80,7 @@ def carrying(state: State, feet: Sequence[Any], h: float) -> dict[str, Array]:
     column = {int(v): i for i, v in enumerate(np.arange(robot.nv)[robot.motors])}
     for foot in feet:
         corners = np.asarray(foot.corners)
-        inner = corners.mean(axis=0) + INNER * (corners - corners.mean(axis=0))
+        inner = inner_corners(corners)
         out[foot.name] = inner
         if len(corners) < 3:
             continue

@@ -19,7 +19,7 @@ from rbd.control.force_tasks import MomentumTask
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
-from rbd.control.walking.footsteps import FLAT, Floor, Footstep, steps_of
+from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
 from rbd.control.walking.gaits import Gait, gait_of, roles_of
 from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet
 from rbd.control.walking.plan import Planner, WalkPlan
@@ -308,12 +308,10 @@ class Walk(Displayed):
 
     def _adapt(self, state: State, t: float) -> None:
         """Plan again where the capture point is off the plan's."""
-        unit, known = self._planner.unit, self.plan.com(t)
-        A_g, _, mass = state.centroidal()
+        unit, (A_g, _, mass) = self._planner.unit, state.centroidal()
         momentum = A_g @ state.v
         v = momentum[:3] / mass
-        off = (state.com - known.value) + unit * (v - known.velocity)
-        far = float(np.linalg.norm(off[:2])) / self._planner.h
+        far = self._far(state, v, t)
         if t < self._again or (far < OFF and t < self.plan.until):
             return
         self._again = t + AGAIN * unit
@@ -323,6 +321,12 @@ class Walk(Displayed):
             return
         self.plans.append((t, self.plan))
         self._control.reschedule(self.plan.schedule)
+
+    def _far(self, state: State, v: Array, t: float) -> float:
+        """How far the capture point is off the plan's, over h, with a velocity v of the centre of mass."""
+        known = self.plan.com(t)
+        off = (state.com - known.value) + self._planner.unit * (v - known.velocity)
+        return float(np.linalg.norm(off[:2])) / self._planner.h
 
     def _com(self, t: float) -> Reference:
         return self.plan.com(t)
@@ -349,7 +353,7 @@ class Walk(Displayed):
 
 def contacts_at(state: State, feet: Sequence[Contact]) -> dict[str, pin.SE3]:
     """{foot: pose of the middle of its contact}."""
-    return {f.name: state.frame(f.frame).X_WF * f.placement * pin.SE3(np.eye(3), f.corners.mean(axis=0)) for f in feet}
+    return {foot.name: centre_of(state, foot) for foot in feet}
 
 
 def places_of(feet: Sequence[Contact], poses: Mapping[str, pin.SE3]) -> dict[Any, Any]:

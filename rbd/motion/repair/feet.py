@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, each_times, lazy
+from rbd.centroid.program import inner_corners
 from rbd.constraints.contact import Contact
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.model.checked_model import CheckedModel
@@ -42,8 +43,6 @@ SMOOTH = 0.03
 """Standard deviation of the filter of positions of feet [s]."""
 LEAN = 0.1
 """Soles that stand on an edge lean on it from this pitch on [rad]; others are put flat."""
-INNER = 0.75
-"""Forces act at the corners of soles made smaller by this."""
 WIDTH = 1e-3
 """Corners so near to the foremost or hindmost one are on the same edge [m]."""
 
@@ -185,7 +184,7 @@ class Feet:
         """Corners of a flat foot on a tread, and of what carries of it, from its place, along x and y, shapes (k, 2) [m]."""
         R, corners = tilts_of(tread.plane) @ turned(place[2:])[0], self.corners[f]
         flat = corners @ R[:2].T
-        return flat, flat.mean(axis=0) + INNER * (flat - flat.mean(axis=0))
+        return flat, inner_corners(flat)
 
     @lazy
     def smooth(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidProgram
+from rbd.centroid.program import inner_corners
 from rbd.constraints.contact import Contact
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError
@@ -19,7 +20,7 @@ from rbd.motion.contact_timeline import AGAIN, ContactTimeline
 from rbd.motion.derivation import low_passed
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
-from rbd.motion.repair.feet import INNER, Feet, Stance, blurred, paths, planes_of, stances_of, standing
+from rbd.motion.repair.feet import Feet, Stance, blurred, paths, planes_of, stances_of, standing
 from rbd.motion.repair.forces import torque_rows, wrenches_on
 from rbd.motion.repair.posture import Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
@@ -110,8 +111,7 @@ class Course:
                     out.append((f, 0, s.part, np.isin(np.arange(n), np.r_[s.frames])))
             for side in (0, 1, -1) if feet.flat[f] and feet.lean[:, f].any() else (0,):
                 some = corners[feet.edge(f, side)]
-                middle = some.mean(axis=0)
-                out.append((f, side, middle + INNER * (some - middle), whole))
+                out.append((f, side, inner_corners(some), whole))
         return tuple(out)
 
     def places(self, R: Array, p: Array) -> Array:

@@ -99,7 +99,7 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 
 def axes_of(axes: Any, most: int, size: tuple[float, float], **layout: Any) -> list[Axes]:
-    """The axes given, `most` of them or fewer; for None so many below each other, on a new figure of a size [inches].
+    """The axes that are given, as a list; for None `most` new ones, one below the other, on a figure of this size [inches].
 
     Raises:
         InputError: too many, or what are no axes; Matplotlib is not installed.
