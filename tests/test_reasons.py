@@ -47,6 +47,7 @@ FROZEN = {
     34: "cannot_reach: proved",
     35: "singular_pose",
     36: "no_steady_state",
+    37: "cannot_plan",
     40: "cannot_hold",
     41: "cannot_hold: friction",
     42: "cannot_hold: motor",

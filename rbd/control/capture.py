@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from rbd.arrays import Array, as_finite, check_flag, check_number, lazy
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.constraints.convex.polygons import area_of, convex_hull, half_planes, inside_distance, overlap
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError
@@ -163,6 +163,7 @@ def capture_region(
     highest: float | None = None,
     margin: float = 0.0,
     friction: str = "cone",
+    loops: bool = True,
 ) -> CaptureRegion:
     """From which velocities a robot comes to rest on its contacts, as a region of capture points; proven from both sides.
 
@@ -187,6 +188,7 @@ def capture_region(
         highest: The largest height of the centre of mass over the contacts [m], for `outer`; None: that of the state.
         margin: Share of each coefficient of friction that is left unused in `inner`.
         friction: "cone", "inscribed" or "circumscribed", as of `support_region`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: contacts that are not on one level plane, or no contacts; a robot that is fixed to the world; numbers out of
@@ -202,7 +204,8 @@ def capture_region(
     check_flag("torque_limits", torque_limits)
     robot = checked(state).robot
     pose = State(robot, state.q)
-    end = support_region(pose, contacts, torque_limits=torque_limits, margin=margin, friction=friction)
+    held = with_loops(robot, contacts, loops)
+    end = support_region(pose, held, torque_limits=torque_limits, margin=margin, friction=friction, loops=False)
     patches = [r.patch for r in end.loads.rows if r.patch is not None and len(r.patch.corners)]
     corners = np.concatenate([np.zeros((0, 3)), *[p.corners_W for p in patches]])
     level = float(corners[:, 2].mean()) if len(corners) else 0.0
@@ -223,9 +226,7 @@ def capture_region(
         most = check_number("momentum of capture_region", momentum, 0.0, 1e3 * usual, expected="[N m s]")
     if highest is not None:
         top = check_number("highest of capture_region", highest, h, 1e3 * h, expected=f"a height of {h:.3g} m or more")
-    begin = zmp_region(
-        pose, contacts, on=level, torque_limits=torque_limits, margin=margin, friction=friction
-    )  # fmt: skip
+    begin = zmp_region(pose, held, on=level, torque_limits=torque_limits, margin=margin, friction=friction)
     both = overlap(begin.vertices[:, :2].tolist(), end.vertices.tolist())
     inner = convex_hull(np.array(both)) if len(both) else np.zeros((0, 2))
     hull = convex_hull(corners[:, :2])

@@ -188,6 +188,8 @@ class CannotPlan(CannotMove):
         True False
     """
 
+    reason = Reason.CANNOT_PLAN
+
     def __init__(self, message: str, *, t: tuple[float, ...] = (), plan: Any = None, **told: Any) -> None:
         super().__init__(message, **told)
         self.t, self.plan = t, plan

@@ -66,6 +66,7 @@ class Reason(StrEnum):
     OUT_OF_REACH = "cannot_reach: proved", 34, "No pose satisfies the targets: the links between them are too short."
     SINGULAR_POSE = "singular_pose", 35, "The known motions do not decide the others at this pose."
     NO_STEADY_STATE = "no_steady_state", 36, "No equilibrium, or no steady motion, was found from this start."
+    CANNOT_PLAN = "cannot_plan", 37, "No motion over these contacts was found that is possible at every instant."
 
     CANNOT_HOLD = "cannot_hold", 40, "The pose cannot be held; which limit prevents it was not searched, or not found."
     CANNOT_HOLD_FRICTION = "cannot_hold: friction", 41, "More friction would hold the pose."
