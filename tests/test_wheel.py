@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -30,10 +31,17 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path) -> Path:
-    """A folder with what the wheel installs, the examples beside it, and no checkout above it."""
+    """A folder with what the wheel installs, the examples beside it, and no checkout above it.
+
+    Functions that are compiled in the checkout are not compiled again: they are known by their content.
+    """
     folder = wheel.parent / "installed"
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder)
+    for path in (TOP / "rbd").rglob("*.nb[ic]"):
+        copy = folder / path.relative_to(TOP)
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copy(path, copy)
     (folder / "examples").symlink_to(TOP / "examples")
     return folder
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array, cross_matrix, lazy, zeros
 from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import cone_of, contact_axes
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Cone
 from rbd.problem.ground import Ground, motion_of
@@ -65,8 +66,8 @@ def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
     return (contact.anchor if isinstance(contact.anchor, pin.SE3) else X_WP).rotation.copy()
 
 
-class Grounds:
-    """Points of contacts with the ground, computed together.
+class PlanePoints:
+    """Points that are fixed to bodies, each above a plane, computed together.
 
     Let V = (v_0, w) and A = (a_0, alpha) be spatial velocity and J_dot v of a joint's body at W's origin, P a point of it and d
     the direction of a row:
@@ -75,43 +76,42 @@ class Grounds:
         bias = d . (a_0 + alpha x P + w x (v_0 + w x P))              the last term makes it classical
 
     Args:
-        grounds: The contacts, all at points, or all of patches and edges; one that is `alone` is the only one.
-        start: Any state of the robot.
+        robot: The robot.
+        structure: The points.
+        joint: The joint of each point's body, shape (k,).
+        local: Gives each point, and its arm from the contact's centre, in its joint's axes, shape (k, 3, 2) [m].
+        axes: R_WC of each, shape (k, 3, 3), its normal last.
+        height: n . x on the plane of each, shape (k,) [m].
+        point_alone: Whether they are contacts at points, whose forces have no moments.
+        surface: Moving ground under them all; None: at rest.
 
     Attributes:
-        members: The contacts.
         joints: Of their bodies.
-        point_alone: Whether they are at points.
         R: R_WC, shape (3, 3) of one contact, or (k, 3, 3) of each point.
-        structure: The points.
     """
 
-    def __init__(self, grounds: Sequence[OnGround], start: State) -> None:
-        self.members, self._robot = tuple(grounds), start.robot
-        self._sites = [self._robot.site(ground.contact.frame) for ground in grounds]
-        self.joints = sorted({joint for joint, _ in self._sites})
-        self.point_alone = grounds[0].point_alone
-        sizes = [len(ground.local) for ground in grounds]
-        self._of = of = np.repeat(np.arange(len(grounds)), sizes)
-        #: Which of `joints` each point is fixed to, shape (k,).
-        self._body = np.array([self.joints.index(joint) for joint, _ in self._sites])[of]
-        axes = np.array([ground.R for ground in grounds])[of]
-        self.R = axes if len(grounds) > 1 else grounds[0].R
-        self._normal = axes[:, :, 2].copy()
-        self._height = np.array([ground.height for ground in grounds])[of]
-        self._surface = grounds[0].surface
-        self.structure = Structure(
-            tuple(grounds[j].contact.name for j in of.tolist()),
-            tuple(i for size in sizes for i in range(size)),
-            tuple(grounds[j].cone for j in of.tolist()),
-        )
+    def __init__(
+        self,
+        robot: CheckedModel,
+        structure: Structure,
+        joint: Sequence[int] | Array,
+        local: Callable[[], Array],
+        axes: Array,
+        height: Array,
+        *,
+        point_alone: bool,
+        surface: Ground | None = None,
+    ) -> None:
+        self.structure, self.point_alone, self.surface, self.axes, self.height = structure, point_alone, surface, axes, height
+        self.R, self.joint = axes, np.asarray(joint)
+        joints, self._body = np.unique(self.joint, return_inverse=True)
+        self.joints = joints.tolist()
+        self._robot, self._local, self._normal = robot, local, axes[:, :, 2].copy()
 
     @lazy
-    def _local(self) -> Array:
+    def local(self) -> Array:
         """Each point, and its arm from the contact's centre, in its joint's axes, shape (k, 3, 2)."""
-        patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(self.members, self._sites, strict=True)]
-        arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(self.members, patches, strict=True)])
-        return np.stack([arms + np.array([X.translation for X in patches])[self._of], arms], axis=2)
+        return self._local()
 
     @lazy
     def _rows(self) -> tuple[Array, Array, Array, Array, Array]:
@@ -120,11 +120,81 @@ class Grounds:
         The point of each, shape (m,); [d]_x^T of its direction d, which takes P to P x d; (d, P x d, d), the middle empty; and
         which coordinates move each joint, and each row, of zeros and ones, shapes (nv, joints) and (m, nv).
         """
-        row = np.repeat(np.arange(len(self._of)), self.structure.widths)
-        d = np.concatenate([self.members[j].R[:, 3 - self.members[j].cone.dim :].T for j in self._of.tolist()])
+        row = np.repeat(np.arange(len(self.joint)), self.structure.widths)
+        d = np.concatenate([R[:, 3 - width :].T for R, width in zip(self.axes, self.structure.widths.tolist(), strict=True)])
         moves = np.column_stack([self._robot.joints.carrying(joint) for joint in self.joints])
         carries = moves.T[self._body[row]].copy()
         return row, np.array([cross_matrix(x).T for x in d]), np.concatenate([d, np.zeros_like(d), d], axis=1), moves, carries
+
+    def at(self, state: State, t: float) -> Measured:
+        """Their points at a state and a time [s]."""
+        body, (row, turn, constant, moves, carries) = self._body, self._rows
+        R, p, J_W = state.joint_motion(self.joints)
+        both = R.take(body, axis=0) @ self.local  # np.take: a third of the cost of R[body]
+        P = p.take(body, axis=0) + both[:, :, 0]
+        terms = constant.copy()
+        terms[:, 3:6] = (turn @ P.take(row, axis=0)[:, :, None])[:, :, 0]
+        J = terms[:, :6] @ J_W[:6]
+        J *= carries
+        of_joints = J_W @ (moves * state.v[:, None])  # v_0, w, a_0, alpha of each
+        turning = (_CROSS @ of_joints[3:6]).T.reshape(-1, 3, 3).take(body, axis=0)
+        motion = of_joints.T.take(body, axis=0)
+        v_P = motion[:, :3, None] + turning @ P[:, :, None]
+        rate = np.concatenate([motion[:, 6:], (turning @ v_P)[:, :, 0]], axis=1)
+        velocity, bias = J @ state.v, np.vecdot(terms, rate.take(row, axis=0))
+        if self.surface is not None:
+            u, s = _under(self.surface.at(state.t), P, v_P[:, :, 0])
+            velocity, bias = (x - np.vecdot(terms[:, :3], y[row]) for x, y in ((velocity, u), (bias, s)))
+        return Measured(
+            self.structure, J, velocity, bias, self._above(P, t, state.t), zeros(len(row)),
+            None, None if self.point_alone else both[:, :, 1], P, self.R,
+        )  # fmt: skip
+
+    def gaps(self, state: State, t: float) -> Array:
+        """Distances of their points to their planes, shape (k,) [m]."""
+        R, p = state.joint_places(self.joints)
+        return self._above(p[self._body] + (R[self._body] @ self.local[:, :, :1])[:, :, 0], t, state.t)
+
+    def _above(self, P: Array, t: float, now: float) -> Array:
+        lift = 0.0
+        if self.surface is not None:
+            lift = self._normal @ self.surface.shift(t if self.surface.moved is None else now)
+        return np.asarray(np.vecdot(P, self._normal) - (self.height + lift))
+
+
+class Grounds(PlanePoints):
+    """Points of contacts with the ground.
+
+    Args:
+        grounds: The contacts, all at points, or all of patches and edges; one that is `alone` is the only one.
+        start: Any state of the robot.
+
+    Attributes:
+        members: The contacts.
+    """
+
+    def __init__(self, grounds: Sequence[OnGround], start: State) -> None:
+        self.members, sites = tuple(grounds), [start.robot.site(ground.contact.frame) for ground in grounds]
+        sizes = [len(ground.local) for ground in grounds]
+        of = np.repeat(np.arange(len(grounds)), sizes)
+        structure = Structure(
+            tuple(grounds[j].contact.name for j in of.tolist()),
+            tuple(i for size in sizes for i in range(size)),
+            tuple(grounds[j].cone for j in of.tolist()),
+        )
+
+        def local() -> Array:
+            patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
+            arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
+            return np.stack([arms + np.array([X.translation for X in patches])[of], arms], axis=2)
+
+        super().__init__(
+            start.robot, structure, np.array([joint for joint, _ in sites])[of], local,
+            np.array([ground.R for ground in grounds])[of], np.array([ground.height for ground in grounds])[of],
+            point_alone=grounds[0].point_alone, surface=grounds[0].surface,
+        )  # fmt: skip
+        if len(grounds) == 1:
+            self.R = grounds[0].R
 
     @classmethod
     def joined(cls, sources: Sequence[Grounds], start: State) -> Grounds:
@@ -138,41 +208,6 @@ class Grounds:
         None on moving ground, and of sets that are no circular cones.
         """
         return None if self.members[0].alone else (Grounds.joined, self.point_alone)
-
-    def at(self, state: State, t: float) -> Measured:
-        """Their points at a state and a time [s]."""
-        body, (row, turn, constant, moves, carries) = self._body, self._rows
-        R, p, J_W = state.joint_motion(self.joints)
-        both = R.take(body, axis=0) @ self._local  # np.take: a third of the cost of R[body]
-        P = p.take(body, axis=0) + both[:, :, 0]
-        terms = constant.copy()
-        terms[:, 3:6] = (turn @ P.take(row, axis=0)[:, :, None])[:, :, 0]
-        J = terms[:, :6] @ J_W[:6]
-        J *= carries
-        of_joints = J_W @ (moves * state.v[:, None])  # v_0, w, a_0, alpha of each
-        turning = (_CROSS @ of_joints[3:6]).T.reshape(-1, 3, 3).take(body, axis=0)
-        motion = of_joints.T.take(body, axis=0)
-        v_P = motion[:, :3, None] + turning @ P[:, :, None]
-        rate = np.concatenate([motion[:, 6:], (turning @ v_P)[:, :, 0]], axis=1)
-        velocity, bias = J @ state.v, np.vecdot(terms, rate.take(row, axis=0))
-        if self._surface is not None:
-            u, s = _under(self._surface.at(state.t), P, v_P[:, :, 0])
-            velocity, bias = (x - np.vecdot(terms[:, :3], y[row]) for x, y in ((velocity, u), (bias, s)))
-        return Measured(
-            self.structure, J, velocity, bias, self._above(P, t, state.t), zeros(len(row)),
-            None, None if self.point_alone else both[:, :, 1], P, self.R,
-        )  # fmt: skip
-
-    def gaps(self, state: State, t: float) -> Array:
-        """Distances of their points to their planes, shape (k,) [m]."""
-        R, p = state.joint_places(self.joints)
-        return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0], t, state.t)
-
-    def _above(self, P: Array, t: float, now: float) -> Array:
-        lift = 0.0
-        if self._surface is not None:
-            lift = self._normal @ self._surface.shift(t if self._surface.moved is None else now)
-        return np.asarray(np.vecdot(P, self._normal) - (self._height + lift))
 
 
 _CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9).T.copy()

@@ -9,7 +9,6 @@ the same as that of large ones, scaled.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,9 +22,6 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.simulated_motion import Stabilisation
 from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, Snapshot
-
-if TYPE_CHECKING:
-    from rbd.simulation.ground_dynamics import GroundDynamics
 
 LOOSE = 1e-7
 """Over the size: the largest gap of a point that stays closed."""
@@ -194,7 +190,7 @@ class Correction:
         lowest, highest, _ = at.extremes
         return not at.layout.bilateral and max(-lowest, highest) <= CLOSED * gaps.least_size
 
-    def positions(self, at: Snapshot, t: float, closed: Array, size: Array, ground: GroundDynamics | None = None) -> Snapshot:
+    def positions(self, at: Snapshot, t: float, closed: Array, size: Array) -> Snapshot:
         """The snapshot with its position projected.
 
         Args:
@@ -202,9 +198,8 @@ class Correction:
             t: Its time [s].
             closed: Which points are corrected in both directions, shape (k,).
             size: Size of the bodies that move with each point, shape (k,) [m].
-            ground: Measures the points, and corrects them, by the rows of their bodies.
         """
-        layout = at.layout
+        layout, ground = at.layout, at.ground
         held = layout.held if self.bilateral else np.zeros(len(at.error), bool)
         pressed = layout.pushes & (closed | (at.gap < -CLOSED * size))
         size = size[pressed]

@@ -11,7 +11,9 @@ Points are fixed to their bodies: P^T V are their velocities, and P p is what po
 
 If the corner forces of least norm for that F are in their cones, they are the answer. Else it is the velocity problem of
 `rbd.simulation.velocity_problem` with D = P^T L^-1 P. What is not covered has no `GroundDynamics`, and steps the general way:
-other constraints than contacts with friction on ground at rest, bodies that touch along an edge only, dependent rows.
+other constraints than contacts with friction on planes at rest, bodies that touch along an edge only, dependent rows. On
+terrain corners over a face of a piece are on that face's plane: as long as contacts touch the same faces by the same corners,
+their steps are those on planes.
 """
 
 from __future__ import annotations
@@ -26,16 +28,20 @@ from rbd.answers.prepared.contact_bodies import (
     WORLD,
     ContactBodies,
     Site,
+    Workspace,
     gap_map,
     keep,
     rotations,
 )
 from rbd.arrays import Array, cross_matrix, each_times, filled, is_finite, lazy, max_abs, rank_of, zeros
-from rbd.constraints.ground_points import Grounds, OnGround
+from rbd.constraints.contact_points import Structure
+from rbd.constraints.ground_points import PlanePoints
+from rbd.constraints.terrain.on_terrain import OnTerrain
+from rbd.constraints.terrain.touches import Touches
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.bases import step_kernel
-from rbd.simulation.stacked_points import PointPlaces, Points, Snapshot
+from rbd.simulation.stacked_points import PointLayout, PointPlaces, Points, Snapshot
 from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer
 
 INDEPENDENT = 1e-6
@@ -43,11 +49,12 @@ INDEPENDENT = 1e-6
 
 
 class TouchingPoints:
-    """The points of contacts with ground at rest on their bodies: what does not change with where the ground is.
+    """Points on planes at rest on their bodies: what does not change with where the planes are.
 
     Args:
         robot: The robot.
-        grounds: The contacts.
+        joint: The joint of each point's body, shape (k,).
+        local: Where each is in its joint's axes, and from its contact's centre, shape (k, 3, 2) [m].
 
     Attributes:
         bodies: The bodies, in the order of their joints: a single point has three rows, several that are not on a line six;
@@ -60,14 +67,9 @@ class TouchingPoints:
         agrees: Whether the equations of motion were found to be those of M and h; None before they were compared.
     """
 
-    def __init__(self, robot: CheckedModel, grounds: Sequence[OnGround]) -> None:
-        sites = [robot.site(ground.contact.frame) for ground in grounds]
-        placements = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
-        each = np.repeat(np.arange(len(grounds)), [len(ground.local) for ground in grounds])
-        self.centred = np.concatenate([g.local @ X.rotation.T for g, X in zip(grounds, placements, strict=True)])
-        self.arms = self.centred + np.array([X.translation for X in placements])[each]
-        joints, self.of = np.unique(np.array([joint for joint, _ in sites])[each], return_inverse=True)
-        k = len(each)
+    def __init__(self, robot: CheckedModel, joint: Array, local: Array) -> None:
+        k, (self.arms, self.centred) = len(local), (x.copy() for x in np.moveaxis(local, 2, 0))
+        joints, self.of = np.unique(joint, return_inverse=True)
         S = np.array([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in self.arms])
         members = [np.flatnonzero(self.of == b) for b in range(len(joints))]
         at = [self.arms[own[0]] if len(own) == 1 else np.zeros(3) for own in members]
@@ -87,12 +89,13 @@ class TouchingPoints:
             self.shares[own, :, rows] = np.linalg.pinv(by_rows.reshape(-1, size).T).reshape(-1, 3, size)
 
     @classmethod
-    def prepared(cls, robot: CheckedModel, grounds: Sequence[OnGround]) -> TouchingPoints:
-        """Those of a robot and its contacts: computed once, and kept while the robot is in use."""
-        known, key = robot.kept_bodies, (cls, *[ground.contact for ground in grounds])
+    def prepared(cls, robot: CheckedModel, sources: Sequence[PlanePoints]) -> TouchingPoints:
+        """Those of a robot and its points: computed once, and kept while the robot is in use."""
+        joint, local = np.concatenate([s.joint for s in sources]), np.concatenate([s.local for s in sources])
+        known, key = robot.kept_bodies, (cls, joint.tobytes(), local.tobytes())
         found: TouchingPoints | None = known.get(key)
         if found is None:
-            found = cls(robot, grounds)
+            found = cls(robot, joint, local)
             keep(known, key, found, MOST_BODIES)
         return found
 
@@ -102,27 +105,75 @@ _AGREES = 1e-9
 _NOTHING = zeros(0)
 
 
+class GroundSteps:
+    """The prepared forms of a motion's contacts: one on planes; on terrain one for each set of corners over tops at rest.
+
+    Args:
+        points: The contacts, all with ground or with terrain.
+        start: The motion's start.
+    """
+
+    def __init__(self, points: Points, start: State) -> None:
+        self._points, self._model = points, start.robot.model
+        self._alone = all(isinstance(source, PlanePoints) for source in points.sources)
+        self._space = Workspace(self._model, ())
+
+    @classmethod
+    def of(cls, points: Points, start: State) -> GroundSteps | None:
+        """Those of a motion; None where no set of its contacts can have one."""
+        if not points.sources or not start.robot.sound:
+            return None
+        if not all(isinstance(source, PlanePoints | OnTerrain) for source in points.sources):
+            return None
+        found = cls(points, start)
+        return None if found._alone and found.at(start, start.t).ground is None else found
+
+    def at(self, state: State, t: float) -> Snapshot:
+        """All points at a state and a time [s]: by the prepared form of their set, if it has one."""
+        sources, touches, structures = self._points.sources, list[Touches | None](), list[Structure]()
+        if not self._alone:
+            pin.forwardKinematics(self._model, self._space.data, state.q)
+            places = self._space.places.reshape(-1, 12)
+        for source in sources:
+            found = None
+            if isinstance(source, OnTerrain):
+                X = places[source.joints]
+                found = source.touches_of(rotations(X.reshape(-1)), X[:, 9:], state.t)
+            touches.append(found)
+            structures.append(source.structure if found is None else source.structure(found))  # type: ignore[attr-defined]
+        layout = self._points.layout(tuple(structures))
+        if GroundSteps not in layout.computed:
+            planes = [
+                source.on_planes(found) if isinstance(source, OnTerrain) and found is not None else source
+                for source, found in zip(sources, touches, strict=True)
+            ]
+            on_planes = [source for source in planes if isinstance(source, PlanePoints)]
+            layout.computed[GroundSteps] = GroundDynamics.of(layout, on_planes, state)
+        ground: GroundDynamics | None = layout.computed[GroundSteps]
+        return self._points.at(state, t) if ground is None else ground.at(state, t)
+
+
 class GroundDynamics:
-    """The constant data of one robot's contacts with ground at rest, for the steps of one motion.
+    """The constant data of one set of points on planes at rest, for the steps of one motion.
 
     It has one pin.Data of its own, overwritten by every call: results do not depend on earlier calls.
 
     Attributes:
         layout: The points.
-        at_rest: Velocities of points at rest, shape (p,): the array of every answer in which all stick.
     """
 
-    def __init__(self, points: Points, grounds: Sequence[OnGround], touching: TouchingPoints, start: State) -> None:
+    def __init__(
+        self, layout: PointLayout, sources: Sequence[PlanePoints], touching: TouchingPoints, robot: CheckedModel
+    ) -> None:
         assert touching.bodies is not None
-        self._points, self._model, self._touching, self._kernel = points, start.robot.model, touching, step_kernel()
-        self.layout = points.layout(tuple([s.structure for s in points.sources]))  # type: ignore[attr-defined]
-        self._bodies = bodies = touching.bodies
-        self._workspace = bodies.taken()
-        self._axes = axes = np.concatenate([np.tile(ground.R, (len(ground.local), 1, 1)) for ground in grounds])
-        self._height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
-        self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(bodies.sites))
-        self._constants = (np.array(touching.of, np.int64), axes, touching.arms, touching.shares, self.layout.mu)
-        self._mu, self.at_rest, self._gravity = self.layout.mu, zeros(3 * len(axes)), start.robot.gravity
+        self._sources, self._model, self._touching, self._kernel = tuple(sources), robot.model, touching, step_kernel()
+        self.layout, self._bodies = layout, touching.bodies
+        self._workspace = self._bodies.taken()
+        self._axes = axes = np.concatenate([source.axes for source in sources])
+        self._height = np.concatenate([source.height for source in sources])
+        self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(self._bodies.sites))
+        self._constants = (np.array(touching.of, np.int64), axes, touching.arms, touching.shares, layout.mu)
+        self._mu, self._gravity = layout.mu, robot.gravity
 
     def __del__(self) -> None:
         space = self.__dict__.get("_workspace")
@@ -130,46 +181,48 @@ class GroundDynamics:
             self._bodies.put_back(space)
 
     @classmethod
-    def of(cls, points: Points, start: State) -> GroundDynamics | None:
-        """The prepared form of a motion's contacts, or None where they, or the robot, are not covered."""
-        robot, grounds = start.robot, list[OnGround]()
-        for source in points.sources:
-            if not isinstance(source, Grounds):
-                return None
-            grounds += source.members
-        if not grounds or not robot.sound or any(g.surface is not None or not g.contact.friction for g in grounds):
+    def of(cls, layout: PointLayout, sources: Sequence[PlanePoints], state: State) -> GroundDynamics | None:
+        """The prepared form of a layout's points, or None where they, or the robot, are not covered.
+
+        Args:
+            layout: The points.
+            sources: Of each of its structures, if it is on planes.
+            state: Any state.
+        """
+        k = sum(len(source.joint) for source in sources)
+        if not k or k != len(layout.owners) or any(source.surface is not None for source in sources):
             return None
-        touching = TouchingPoints.prepared(robot, grounds)
+        if not (layout.mu > 0.0).all():  # of bilateral rows, and of sets that are no circular cones
+            return None
+        touching = TouchingPoints.prepared(state.robot, sources)
         if touching.bodies is None or touching.agrees is False:
             return None
-        found = cls(points, grounds, touching, start)
-        return found if found._agrees(start) else None
+        found = cls(layout, sources, touching, state.robot)
+        return found if found._agrees(state) else None
 
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
         X, gap, velocity, found = self._measured(state.q, state.v)
         return filled(
-            Snapshot, state=state, layout=self.layout, velocity=velocity, gap=gap, error=self.at_rest,
-            measure=lambda: [source.at(state, t) for source in self._points.sources], locate=self._located, placed=X,
-            spread=self._points_of_rows, extremes=found,
+            Snapshot, state=state, layout=self.layout, velocity=velocity, gap=gap, error=self.layout.at_rest,
+            measure=lambda: [source.at(state, t) for source in self._sources], ground=self, placed=X, extremes=found,
         )  # fmt: skip
 
     def _measured(self, q: Array, v: Array) -> tuple[Array, Array, Array, tuple[float, float, float]]:
         """(placements of the bodies, gaps and velocities of the points, `Snapshot.extremes`)."""
         pin.forwardKinematics(self._model, self._workspace.data, q, v)
         X, V = self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
-        gap, velocity = np.empty(len(self._height)), np.empty(len(self.at_rest))
+        gap, velocity = np.empty(len(self._height)), np.empty(3 * len(self._height))
         return X, gap, velocity, self._kernel.points(X, V, self._gaps, self._height, *self._constants[:3], gap, velocity)
 
-    def _located(self, X: Array) -> list[PointPlaces]:
+    def located(self, X: Array) -> list[PointPlaces]:
         """Where the points of each source are, by placements of the bodies at n states, shape (n, 12 bodies)."""
         of = self._touching.of
         R = rotations(X)[:, of]
         arms = each_times(R, self._touching.centred)
         points = X.reshape(len(X), -1, 12)[:, of, 9:] + each_times(R, self._touching.arms)
         out = []
-        for source, (at, _) in zip(self._points.sources, self.layout.spans, strict=True):
-            assert isinstance(source, Grounds)
+        for source, (at, _) in zip(self._sources, self.layout.spans, strict=True):
             centred = None if source.point_alone else arms[:, at]
             out.append(PointPlaces(source.structure, points[:, at], source.R.reshape(1, -1, 3, 3), centred, None))
         return out
@@ -206,7 +259,7 @@ class GroundDynamics:
         )  # fmt: skip
         if how == kernel.UNDECIDED or not is_finite(v):
             return None
-        return VelocityAnswer(v, impulse, self.at_rest if how == kernel.REST else velocity, merit, how != kernel.NEWTON)
+        return VelocityAnswer(v, impulse, self.layout.at_rest if how == kernel.REST else velocity, merit, how != kernel.NEWTON)
 
     def toward(self, state: State, closes: Array, gap: Array) -> Array:
         """The least displacement in the metric of M that closes the gaps (k,) of some points, by their rates, shape (nv,)."""
@@ -230,7 +283,7 @@ class GroundDynamics:
         end = equations.start + equations.h * pin.aba(model, self._workspace.data, state.q, state.v, applied)
         if not is_finite(end):
             return None
-        return VelocityAnswer(end, np.zeros(len(self.at_rest)), self._measured(state.q, end)[2], 0.0, True)
+        return VelocityAnswer(end, np.zeros(3 * len(self._height)), self._measured(state.q, end)[2], 0.0, True)
 
     def residual(self, at: Snapshot, applied: Array, a: Array, u: Array, h: float, answer: VelocityAnswer) -> float:
         """Residual of a half step by another route than its answer's: inverse dynamics and the bodies' accelerations, scaled.
@@ -244,7 +297,7 @@ class GroundDynamics:
             answer: The answer.
         """
         bodies, space, forces, state = self._bodies, self._workspace, answer.impulse / h, at.state
-        X = at.placed if at.locate is not None else self._measured(state.q, state.v)[0]
+        X = at.placed if at.ground is self else self._measured(state.q, state.v)[0]
         touching, axes, kernel = self._touching, self._axes, self._kernel
         pushed = np.empty(len(X) // 2)
         kernel.wrenches(X, forces, touching.of, axes, touching.arms, pushed)
@@ -254,10 +307,10 @@ class GroundDynamics:
             applied, a, forces, u, answer.velocity, h,
         )  # fmt: skip
 
-    def _points_of_rows(self, X: Array) -> Array:
+    def points_of_rows(self, X: Array) -> Array:
         """Velocities of the points for unit velocities of the bodies' rows, shape (p, rows)."""
         turns = self._axes.swapaxes(1, 2) @ rotations(X)[self._touching.of]
-        return (turns @ self._touching.of_rows).reshape(len(self.at_rest), -1)
+        return (turns @ self._touching.of_rows).reshape(3 * len(self._height), -1)
 
     def _agrees(self, start: State) -> bool:
         """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""
@@ -273,7 +326,7 @@ class GroundDynamics:
             return False
         if self._touching.agrees is not None:
             return self._touching.agrees
-        F, P = space.row_forces.copy(), self._points_of_rows(bodies.placements(space))
+        F, P = space.row_forces.copy(), self.points_of_rows(bodies.placements(space))
         moving = State(start.robot, q, v)
         snapshot = self.at(moving, 0.0)
         rows = np.linalg.lstsq(P, snapshot.J, rcond=None)[0]

@@ -402,7 +402,7 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
     at, motion = start.at, system.motion
     if half.tau is None or half.implicit is not None:
         half = system.exact(half)
-    if not system.still(half.u) and stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
+    if half.u is not at.layout.at_rest and stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
         half = system.solved(start, 1e-3 * half.h, exact=True)  # points that stop within the half step are recorded as sliding
     answer, h, active, a = half.answer, 0.5 * half.h, half.active, half.a
     assert half.tau is not None

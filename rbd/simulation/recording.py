@@ -236,7 +236,7 @@ class StepForces:
     def alike(self) -> tuple[object, ...]:
         """Equal for those that `forces_of` takes together."""
         at = self.at
-        return at.layout.structures, at.locate or id(self)
+        return at.layout.structures, at.ground or id(self)
 
     def __call__(self) -> Mapping[str, ConstraintForce]:
         """{constraint: its force}."""

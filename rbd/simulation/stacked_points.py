@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
 from itertools import chain, repeat
 from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -80,6 +80,11 @@ class PointLayout:
         """No point, likewise."""
         return locked(np.zeros(len(self.owners), bool))
 
+    @lazy
+    def at_rest(self) -> Array:
+        """Velocities of points at rest, shape (p,), likewise: those of answers of prepared forms in which all stick."""
+        return zeros(len(self.held))
+
     @classmethod
     def of(cls, structures: tuple[Structure, ...]) -> PointLayout:
         """The stack of several sources' points."""
@@ -132,6 +137,30 @@ class PointPlaces:
     split: Callable[[Array], Array] | None = None
 
 
+class PreparedPoints(Protocol):
+    """The prepared form of one set of points, for the steps of one motion: `rbd.simulation.ground_dynamics.GroundDynamics`."""
+
+    def at(self, state: State, t: float) -> Snapshot:
+        """All points at a state."""
+
+    def located(self, X: Array) -> Sequence[PointPlaces]:
+        """Where the points of each source are, by placements of the bodies at n states."""
+
+    def points_of_rows(self, X: Array) -> Array:
+        """Velocities of the points for unit velocities of the bodies' rows."""
+
+    def toward(self, state: State, closes: Array, gap: Array) -> Array:
+        """The least displacement that closes the gaps of some points."""
+
+    def answer(
+        self, equations: Any, applied: Array, guess: Array, *, law: str, shift: Array | None, added: Array | None = None
+    ) -> Any:
+        """Velocity and impulses of one half of a step; None where the general way is to answer."""
+
+    def residual(self, at: Snapshot, applied: Array, a: Array, u: Array, h: float, answer: Any) -> float:
+        """Residual of a half step by another route than its answer's."""
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """All points at one state, stacked; Jacobians and J_dot v are computed when first asked.
@@ -143,9 +172,8 @@ class Snapshot:
         gap: Shape (k,).
         error: Position errors of bilateral rows, shape (p,).
         measure: Gives the points of each source.
-        locate: Gives where they are, by the placements of their bodies at n states, if that is cheaper.
-        placed: These placements.
-        spread: Gives the points' velocities by those of the rows of their bodies, if these are independent.
+        ground: Their prepared form, of points on planes at rest.
+        placed: Placements of their bodies, of that form.
     """
 
     state: State
@@ -154,9 +182,8 @@ class Snapshot:
     gap: Array
     error: Array
     measure: Callable[[], Sequence[Measured]] = field(repr=False)
-    locate: Callable[[Array], Sequence[PointPlaces]] | None = field(default=None, repr=False)
+    ground: PreparedPoints | None = field(default=None, repr=False)
     placed: Array = field(default_factory=partial(zeros, 0), repr=False)
-    spread: Callable[[Array], Array] | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, state: State, layout: PointLayout, measured: Sequence[Measured]) -> Snapshot:
@@ -182,7 +209,7 @@ class Snapshot:
     @property
     def reach(self) -> Array:
         """A matrix with p rows, such as J, of which forces have the same product where they have the same J^T f."""
-        return self.J if self.spread is None else self.spread(self.placed)
+        return self.J if self.ground is None else self.ground.points_of_rows(self.placed)
 
     @lazy
     def bias(self) -> Array:
@@ -217,10 +244,10 @@ class Snapshot:
 
 
 def places_of(snapshots: Sequence[Snapshot]) -> Sequence[PointPlaces]:
-    """Where the points of each source are at several states: with the same `locate`, or of one."""
+    """Where the points of each source are at several states: with the same `ground`, or of one."""
     first = snapshots[0]
-    if first.locate is not None:
-        return first.locate(np.array([at.placed for at in snapshots]))
+    if first.ground is not None:
+        return first.ground.located(np.array([at.placed for at in snapshots]))
     out = []
     for m in first.sources:
         points, arms, to_world = (None if x is None else x[None] for x in (m.points, m.arms, m.to_world))

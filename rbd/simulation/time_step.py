@@ -39,12 +39,12 @@ from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.energy_balance import energy
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
-from rbd.simulation.ground_dynamics import GroundDynamics
+from rbd.simulation.ground_dynamics import GroundSteps
 from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.simulated_motion import SimulatedMotion
-from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, PreparedPoints, Snapshot, stopping, turned_back
 from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, not_finite, solve_velocity
 
 _SLOW = 0.2
@@ -71,15 +71,11 @@ class StepSystem:
         self.implicit = ImplicitElements(start)
         self.correction = Correction.of(self.points, motion.stabilisation)
         self.restitution: Mapping[str, float] = dict(motion.restitution or {})
-        self.ground = GroundDynamics.of(self.points, start)
+        self.ground = GroundSteps.of(self.points, start)
 
     def snapshot(self, state: State, t: float) -> Snapshot:
         """All points at a state and a time [s]."""
         return self.points.at(state, t) if self.ground is None else self.ground.at(state, t)
-
-    def still(self, velocity: Array) -> bool:
-        """Whether velocities of points are those of an answer in which all stick."""
-        return self.ground is not None and velocity is self.ground.at_rest
 
     def begin(self, start: State, t: float) -> Step:
         """The first instant; points that approach where they touch have an impact."""
@@ -118,7 +114,7 @@ class StepSystem:
         turned = self.bases.turned(v, v, half)
         terms = None if exact else ElementTerms.of(at.state, elements)
         E, force = (None, applied) if terms is None else self.implicit.first_half(terms, at.state, turned, applied, h)
-        equations = StepEquations(at.state, start.t, at, self._by_bodies(terms), active, turned, half, u, at.error)
+        equations = StepEquations(at.state, start.t, at, self._by_bodies(at, terms), active, turned, half, u, at.error)
 
         def solution(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
             return self._answer(equations, force, E, guess, shift, norms)
@@ -126,7 +122,7 @@ class StepSystem:
         def result(answer: VelocityAnswer) -> HalfStep:
             return HalfStep(start, active, tau, answer, h, u, turned, applied, elements, terms)
 
-        if self.still(u):
+        if u is at.layout.at_rest:
             return result(solution(None, guess, start.norms))
         change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
@@ -144,9 +140,9 @@ class StepSystem:
             h *= min(1.0, _SLOW / max(h * half.implicit.rate(half.start.at.state.M), _SLOW))
         return self.solved(half.start, h, exact=True)
 
-    def _by_bodies(self, terms: ElementTerms | None) -> bool:
-        """Whether the bodies in contact may answer: they have a prepared form, and force elements are light."""
-        return self.ground is not None and self.implicit.is_light(terms)
+    def _by_bodies(self, at: Snapshot, terms: ElementTerms | None) -> PreparedPoints | None:
+        """The prepared form of the bodies in contact, if they have one and force elements are light."""
+        return at.ground if self.implicit.is_light(terms) else None
 
     def _answer(
         self,
@@ -168,8 +164,8 @@ class StepSystem:
             norms: As of `solve_velocity`.
         """
         answer = None
-        if self.ground is not None and equations.by_bodies:
-            answer = self.ground.answer(equations, applied, guess, law=self.motion.law, shift=shift, added=E)
+        if equations.ground is not None:
+            answer = equations.ground.answer(equations, applied, guess, law=self.motion.law, shift=shift, added=E)
         return self._general(equations, applied, E, guess, shift, norms) if answer is None else answer
 
     def _general(
@@ -182,8 +178,8 @@ class StepSystem:
         norms: Array | None,
     ) -> VelocityAnswer:
         """`_answer` by M + E, h and J."""
-        state, t, at, _, active, start, h, u, error, mean = equations
-        at = at or self.points.at(state, t)
+        state, t, at, ground, active, start, h, u, error, mean = equations
+        at = at or (self.points if ground is None else ground).at(state, t)
         begins, share = (u, 1.0) if mean is None else (at.velocity + at.J @ (mean - state.v), 0.5)
         offset = begins - at.J @ start + share * h * at.bias
         if E is None and not active.any():  # without M and its factors
@@ -202,9 +198,9 @@ class StepSystem:
     def law_residual(self, half: HalfStep, a: Array) -> float:
         """Residual of the equations of motion and the contact law of a solved half step with its acceleration, scaled."""
         at, answer, h = half.start.at, half.answer, 0.5 * half.h
-        if self.ground is None or half.applied is None:
+        if at.ground is None or half.applied is None:
             return answer.law
-        return max(answer.law, self.ground.residual(at, half.applied, a, half.u, h, answer))
+        return max(answer.law, at.ground.residual(at, half.applied, a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
@@ -248,14 +244,14 @@ class StepSystem:
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
         tau, applied, elements, pushes = self.motion.acting(state, t + 0.5 * h)
         terms = ElementTerms.of(state, elements)
-        by_bodies = self._by_bodies(terms)
-        middle = None if by_bodies else self.points.at(state, t + 0.5 * h)
+        ground = self._by_bodies(start.at, terms)
+        middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
         guess = before.impulse * (2.0 * h / half.h)
-        still = self.still(u0) and self.still(before.velocity)
+        still = u0 is layout.at_rest and before.velocity is layout.at_rest
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
-        equations = StepEquations(state, t + 0.5 * h, middle, by_bodies, active, turned, h, u0, error, mean)
+        equations = StepEquations(state, t + 0.5 * h, middle, ground, active, turned, h, u0, error, mean)
 
         def solution(force: Array, E: Array | None) -> VelocityAnswer:
             return self._answer(equations, force, E, guess, shift, before.norms)
@@ -266,7 +262,7 @@ class StepSystem:
             else self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
         )
         # of friction, and of points that are stopped
-        rubs = not (still and self.still(answer.velocity))
+        rubs = not (still and answer.velocity is layout.at_rest)
         other_work = 0.5 * float(answer.impulse @ (u0 + answer.velocity)) if rubs else 0.0
         if middle is not None and len(answer.impulse):  # of ground that moves
             other_work += float(answer.impulse @ (middle.J @ state.v - middle.velocity))
@@ -305,7 +301,7 @@ class StepSystem:
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
         """Time within the step at which a sliding point stops, or turns back, and friction jumps; zero if none does."""
         layout = half.start.at.layout
-        stops = None if self.still(half.u) else stopping(layout, half.u, answer.velocity, half.answer.impulse)
+        stops = None if half.u is layout.at_rest else stopping(layout, half.u, answer.velocity, half.answer.impulse)
         if stops is None:
             return 0.0
         rows, kept = layout.sliding_rows[stops], layout.sliding_kept[stops]
@@ -358,12 +354,12 @@ class StepSystem:
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
             # A redundant corner without load that does not move has not left.
-            still = active is layout.everything and self.still(answer.velocity)
+            still = active is layout.everything and answer.velocity is layout.at_rest
             closed = active if still else layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
             if not self.correction.in_place(end, gaps):
                 made, moved, pressed = end, 0.5 * h * velocity[layout.normals], closed & (answer.impulse[layout.normals] > 0.0)
-                end = self.correction.positions(made, t, pressed, gaps.size, self.ground)
+                end = self.correction.positions(made, t, pressed, gaps.size)
                 if end is not made and (caught or self.correction.owes(start.at, made, pressed, moved)):
                     other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
             if (answer.redundant or self.motion.timed) and self.correction.bilateral:

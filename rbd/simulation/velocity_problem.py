@@ -33,7 +33,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.simulation.stacked_points import PointLayout, Snapshot
+from rbd.simulation.stacked_points import PointLayout, PreparedPoints, Snapshot
 from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.kkt import StickingSolver, independent_factor
 from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
@@ -85,7 +85,7 @@ class StepEquations(NamedTuple):
         state: Where forces are computed, and at which velocity.
         t: Its time [s].
         at: Its points; None where they are measured only if they are needed.
-        by_bodies: Whether the rows of the bodies in contact may answer.
+        ground: The prepared form of the points, if it may answer; it measures them if `at` is None.
         active: Which points are active, shape (k,).
         start: Velocity to which h a is added, shape (nv,).
         h: Length of the (half) step [s].
@@ -97,7 +97,7 @@ class StepEquations(NamedTuple):
     state: State
     t: float
     at: Snapshot | None
-    by_bodies: bool
+    ground: PreparedPoints | None
     active: Array
     start: Array
     h: float

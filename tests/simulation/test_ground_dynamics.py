@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -14,13 +15,15 @@ from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, fre
 
 import rbd
 from rbd.answers.prepared.contact_bodies import Workspace
-from rbd.simulation.ground_dynamics import GroundDynamics
+from rbd.simulation.ground_dynamics import GroundSteps
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
 from rbd.simulation.simulated_motion import SimulatedMotion
 from rbd.simulation.time_step import StepSystem
 
 H = 1e-3
+STAIRS = rbd.Terrain.stairs(0.1, 0.6, 3, start=(-0.9, 0.0, -0.2))
+"""Robots stand on the middle one of its steps."""
 AGREES = 1e-9
 """Between both ways, over the size of the largest entry: of velocities, and of the impulses of independent points."""
 
@@ -28,18 +31,30 @@ AGREES = 1e-9
 def system(motion: SimulatedMotion, state: rbd.State, *, prepared: bool = True) -> StepSystem:
     """The steps of a motion, by contact dynamics or the general way."""
     made = StepSystem(motion, state, impact_speed=1e-3, impacts=20, extrapolate=False)
-    assert made.ground is not None
+    assert made.snapshot(state, 0.0).ground is not None
     if not prepared:
         made.ground = None
     return made
 
 
+def both_ways(motion: SimulatedMotion, state: rbd.State) -> tuple[StepSystem, StepSystem]:
+    """The steps of a motion by contact dynamics and the general way, with the same layouts."""
+    fast, general = system(motion, state), system(motion, state, prepared=False)
+    general.points, general.correction = fast.points, fast.correction
+    return fast, general
+
+
+def seen_by(fast: StepSystem, now: Instant) -> Instant:
+    """An instant of the general way, with the points as contact dynamics has them."""
+    return replace(now, at=fast.snapshot(now.at.state, now.t))
+
+
 def standing(
-    robot: rbd.Robot, friction: float, seed: int, law: str = "coulomb", push: float = 0.3
+    robot: rbd.Robot, friction: float, seed: int, law: str = "coulomb", push: float = 0.3, on: rbd.Terrain | None = None
 ) -> tuple[SimulatedMotion, rbd.State]:
     """A robot on its feet, pushed, with torques near those that hold it and velocities that leave its feet at rest."""
     rng = np.random.default_rng(seed)
-    state, feet = robot.standing(), robot.feet(friction)
+    state, feet = robot.standing(), robot.feet(friction, on=on)
     tau = rbd.hold(state, robot.feet(0.7)).tau + 0.3 * rng.normal(size=robot.nu)
     J = np.concatenate([foot.rows(state).J for foot in feet])
     v = 0.2 * rng.normal(size=robot.nv)
@@ -65,14 +80,15 @@ def close(one: np.ndarray, other: np.ndarray, size: float = 1.0) -> bool:
 
 @pytest.mark.parametrize("law", ["coulomb", "convex"])
 @pytest.mark.parametrize("friction", [0.7, 0.15])
+@pytest.mark.parametrize("on", [None, STAIRS], ids=["plane", "stairs"])
 @pytest.mark.parametrize("name", ["talos", "solo12", "g1"])
-def test_steps_are_those_of_mass_matrix_and_jacobian(name, friction, law):
+def test_steps_are_those_of_mass_matrix_and_jacobian(name, friction, law, on):
     """Both halves of a step, sticking and slipping, one after another: velocities, gaps, sets, and what impulses do."""
-    motion, state = standing(rbd.load_robot(name), friction, 3, law)
-    fast, general = system(motion, state), system(motion, state, prepared=False)
+    motion, state = standing(rbd.load_robot(name), friction, 3, law, on=on)
+    fast, general = both_ways(motion, state)
     now = general.begin(state, 0.0).end
     for _ in range(4):
-        one, other = fast.solved(now, H), general.solved(now, H)
+        one, other = fast.solved(seen_by(fast, now), H), general.solved(now, H)
         assert close(one.answer.v, other.answer.v)
         assert close(now.at.J.T @ one.answer.impulse, now.at.J.T @ other.answer.impulse)
         acts = np.repeat(one.active, 3)  # u+ of points in the air is used nowhere
@@ -91,10 +107,10 @@ def test_points_that_turn_have_their_centripetal_acceleration():
     """A spinning box on its sole: w x (v + w x r) of each corner is in the step, to the last digits."""
     for seed in range(3):
         motion, state = tumbling(seed)
-        fast, general = system(motion, state), system(motion, state, prepared=False)
+        fast, general = both_ways(motion, state)
         now = general.begin(state, 0.0).end
         for _ in range(5):
-            one, other = fast.solved(now, H), general.solved(now, H)
+            one, other = fast.solved(seen_by(fast, now), H), general.solved(now, H)
             assert close(one.answer.velocity, other.answer.velocity) and close(one.answer.v, other.answer.v)
             a, b = fast._finish(one, H), general._finish(other, H)
             assert close(a.answer.velocity, b.answer.velocity) and close(a.answer.v, b.answer.v)
@@ -107,7 +123,7 @@ def test_gaps_and_velocities_of_points_are_those_of_their_contacts():
     for name in ("talos", "solo12"):
         robot = rbd.load_robot(name)
         motion, state = standing(robot, 0.7, 0)
-        fast, general = system(motion, state), system(motion, state, prepared=False)
+        fast, general = both_ways(motion, state)
         for _ in range(5):
             q = pin.integrate(robot.model, state.q, 0.3 * rng.normal(size=robot.nv))
             q[2] += 1.0
@@ -124,7 +140,7 @@ def test_one_foot_in_the_air_carries_nothing():
     robot = rbd.load_robot("talos")
     motion, state = standing(robot, 0.7, 2)
     lifted = state.with_joints({"leg_left_4_joint": float(state.q[robot.joints["leg_left_4_joint"].q][0]) + 0.2})
-    fast, general = system(motion, lifted), system(motion, lifted, prepared=False)
+    fast, general = both_ways(motion, lifted)
     one, other = (x.solved(x.begin(lifted, 0.0).end, H) for x in (fast, general))
     assert one.active.any() and not one.active.all()
     assert not one.answer.impulse.reshape(-1, 3)[~one.active].any()
@@ -143,7 +159,7 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
     now = fast.step(fast.solved(now, H), H).end
     right = fast.solved(now, H)
     assert right.answer.least and fast.law_residual(right, right.a) < 1e-9
-    ground = fast.ground
+    ground = now.at.ground
     assert ground is not None
     terms, advance = Workspace.terms, ground._kernel.advance
 
@@ -203,7 +219,7 @@ def test_what_is_not_covered_steps_the_general_way():
             SimulatedMotion(start.robot, (constraint,)), start, impact_speed=1e-3, impacts=20, extrapolate=False
         )
         assert stepping.ground is None, constraint.name
-    assert GroundDynamics.of(system(*tumbling(0)).points, state) is not None
+    assert GroundSteps.of(system(*tumbling(0)).points, state) is not None
 
 
 def test_dependent_rows_step_the_general_way(monkeypatch):
@@ -217,7 +233,8 @@ def test_dependent_rows_step_the_general_way(monkeypatch):
     monkeypatch.setattr(StepSystem, "_general", lambda self, *given: asked.append(1) or general(self, *given))
     fast.solved(now, H)
     assert not asked
-    monkeypatch.setattr(fast.ground._kernel, "advance", lambda *given: (fast.ground._kernel.UNDECIDED, np.inf))
+    kernel = fast.snapshot(state, 0.0).ground._kernel
+    monkeypatch.setattr(kernel, "advance", lambda *given: (kernel.UNDECIDED, np.inf))
     assert close(fast.solved(now, H).answer.v, known.answer.v) and asked
 
 

@@ -9,13 +9,16 @@ import numpy as np
 
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
-from rbd.constraints.surface import UP, cone_of
+from rbd.constraints.ground_points import PlanePoints
+from rbd.constraints.surface import UP, cone_of, contact_axes
 from rbd.constraints.terrain.pieces import Plates
 from rbd.constraints.terrain.touches import Touches
 from rbd.model.state import State
 
 BESIDE = 0.5
 """A point whose normal has less than this along a sole's is beside it, as at a riser."""
+CORNER, ON_FACE = 0, 0
+"""Of a point in `Touches.which`: it is a corner of its contact, and its normal that of a face; as of `touching_kernel`."""
 _KINDS = ("corner {} on", "outline {} over", "under it,", "outline {} nearest to")
 _BESIDE = ("corner {} beside", "outline {} beside", "beside", "outline {} beside")
 _MOST_STRUCTURES = 1000
@@ -78,9 +81,13 @@ class OnTerrain:
     def touches(self, state: State, margin: float = MARGIN) -> tuple[Touches, Array, Array]:
         """(what they touch, R_WJ and places of their joints) at a state."""
         R, p = state.joint_places(self.joints)
+        return self.touches_of(R, p, state.t, margin), R, p
+
+    def touches_of(self, R: Array, p: Array, t: float, margin: float = MARGIN) -> Touches:
+        """What they touch at a time [s], with R_WJ and places of their joints, shapes (joints, 3, 3) and (joints, 3)."""
         plates = (R[self._of] @ self._arms[:, :, None])[:, :, 0] + p[self._of]
         ups = np.where(self._flat[:, None], (R[self._joint] @ self._ups[:, :, None])[:, :, 0], self._ups)
-        return Touches.of(self.terrain.polytopes, Plates(plates, self._at, ups, self._radii), margin, state.t), R, p
+        return Touches.of(self.terrain.polytopes, Plates(plates, self._at, ups, self._radii), margin, t)
 
     def gaps(self, state: State, t: float) -> Array:
         """The gaps of `at`."""
@@ -94,8 +101,23 @@ class OnTerrain:
         kept = np.flatnonzero(self._kept[plate].ravel()) if self._some else slice(None)
         arms = None if self.alone else P - ((R[self._joint] @ self._centres[:, :, None])[:, :, 0] + p[self._joint])[plate]
         return Measured(
-            self._structure(found), J[kept], velocity[kept], bias[kept], found.gaps, zeros(len(J))[kept],
+            self.structure(found), J[kept], velocity[kept], bias[kept], found.gaps, zeros(len(J))[kept],
             None, arms, P, axes,
+        )  # fmt: skip
+
+    def on_planes(self, found: Touches) -> PlanePoints | None:
+        """The points of contacts of which only corners are over faces of pieces at rest; None of others."""
+        kind, corner, face, piece, how, plate = found.which.T
+        pieces = [self.terrain.pieces[i] for i in piece.tolist()]
+        if (kind != CORNER).any() or (how != ON_FACE).any() or any(each.kind is not None for each in pieces):
+            return None
+        planes = np.array([each.faces[i] for each, i in zip(pieces, face.tolist(), strict=True)]).reshape(-1, 4)
+        arms = self._arms[self._at[plate] + corner]
+        axes = np.array([contact_axes(n, along) for n, along in zip(planes[:, :3], self._alongs[plate], strict=True)])
+        return PlanePoints(
+            self._robot, self.structure(found), np.array(self.joints)[self._joint[plate]],
+            lambda: np.stack([arms, arms - self._centres[plate]], axis=2), axes.reshape(-1, 3, 3), planes[:, 3],
+            point_alone=self.alone,
         )  # fmt: skip
 
     def label(self, number: int) -> str:
@@ -111,7 +133,7 @@ class OnTerrain:
         name = f"{self._names[plate]}, {_KINDS[kind].format(i)} {self.terrain.pieces[piece].name}"
         return f"{name} (out along ({x:.3g}, {y:.3g}, {z:.3g}))"
 
-    def _structure(self, found: Touches) -> Structure:
+    def structure(self, found: Touches) -> Structure:
         """The same object for the same points: corners keep their numbers from one piece to the next in its plane."""
         key = found.which.tobytes()
         known = self._seen.get(key)

@@ -108,7 +108,7 @@ class OnPieces:
         places = (R[self._body] @ centres[:, :, None])[:, :, 0] + p[self._body]
         far, pairs = float(reach.max()) + margin, np.empty((0, 2), int)
         lines, ups = np.empty((0, 2, 3)), np.empty((0, 3))
-        arrays = self.terrain.polytopes(places.min(axis=0) - far, places.max(axis=0) + far, t)
+        arrays = self.terrain.polytopes(places, far, t)
         R, p = np.ascontiguousarray(R), np.ascontiguousarray(p)
 
         def run(out: Spots) -> int:

@@ -317,16 +317,16 @@ class Terrain(Displayed):
         solids = [solid.at(t) if isinstance(solid, Piece) else solid for solid in self.solids]
         return Terrain(dict(zip(self.names, solids, strict=True)), self.friction)
 
-    def polytopes(self, low: Array, high: Array, t: float = 0.0) -> Polytopes:
-        """All pieces as arrays, of grids of heights those that reach into a box of x and y.
+    def polytopes(self, points: Array, far: float, t: float = 0.0) -> Polytopes:
+        """All pieces as arrays, of grids of heights those that reach near to some points.
 
         Args:
-            low: Its lowest x and y [m].
-            high: Its highest.
+            points: Shape (k, 3) [m].
+            far: How near, along x and y [m].
             t: Time at which pieces that move are taken [s].
         """
         for number, grid in enumerate(self._fields):
-            for i, j in grid.cells(low, high):
+            for i, j in grid.cells(points.min(axis=0) - far, points.max(axis=0) + far):
                 if (number, i, j) not in self._known:
                     self._known.add((number, i, j))
                     self._pieces += grid.prisms(i, j)

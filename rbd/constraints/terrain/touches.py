@@ -37,10 +37,9 @@ class Touches:
         self.places, self.normals, self.gaps, self.which, _ = spots
 
     @classmethod
-    def of(cls, pieces: Callable[[Array, Array, float], Polytopes], plates: Plates, margin: float, t: float = 0.0) -> Touches:
-        """What is nearer than a margin [m], of the pieces in a box of x and y at a time [s]."""
-        far = margin + float(plates.radii.max(initial=0.0))
-        arrays = pieces(plates.corners.min(axis=0) - far, plates.corners.max(axis=0) + far, t)
+    def of(cls, pieces: Callable[[Array, float, float], Polytopes], plates: Plates, margin: float, t: float = 0.0) -> Touches:
+        """What is nearer than a margin [m], of the pieces near to some points at a time [s]."""
+        arrays = pieces(plates.corners, margin + plates.radii.max(initial=0.0), t)
         touching = kernel("touching").touching
         spots = filled(_ROOM * len(plates.ups), lambda out: int(touching(plates, margin, arrays, out)))
         return cls(plates, spots, arrays.rates)

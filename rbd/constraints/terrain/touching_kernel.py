@@ -76,8 +76,54 @@ def within(x: Array, faces: Array) -> float:
 
 
 @compiled
-def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, normal: Array) -> tuple[float, int]:
-    """(separation, number of the face that gives the normal; -1: `up`, -2: edges that cross); writes the normal."""
+def wall(n: Array, a: Array, b: Array) -> Array:
+    """Unit vector across an edge from a to b of a face with normal n, into the face."""
+    m = cross(n, b - a)
+    return m / math.sqrt(max(dot(m, m), 1e-300))
+
+
+@compiled
+def walls_of(n: Array, loop: Array, vertices: Array) -> Array:
+    """(m, level) of each edge of a face with a normal n, m . x >= level over the face, shape (edges, 4)."""
+    out = np.empty((len(loop), 4))
+    for j in range(len(loop)):
+        a = vertices[loop[j]]
+        out[j, :3] = wall(n, a, vertices[loop[(j + 1) % len(loop)]])
+        out[j, 3] = dot(out[j], a)
+    return out
+
+
+@compiled
+def over(x: Array, walls: Array) -> bool:
+    """Whether a point is over a face; a half-space has no edges."""
+    for m in walls:
+        if m[0] * x[0] + m[1] * x[1] + m[2] * x[2] < m[3] - SAME_M:
+            return False
+    return True
+
+
+@compiled
+def _covers(face: Array, loop: Array, vertices: Array, P: Array) -> bool:
+    """Whether all corners of a plate are over a face."""
+    for j in range(len(loop)):
+        a, b = vertices[loop[j]], vertices[loop[(j + 1) % len(loop)]]
+        x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        u, v, w = face[1] * z - face[2] * y, face[2] * x - face[0] * z, face[0] * y - face[1] * x
+        least = -SAME_M * math.sqrt(u * u + v * v + w * w)
+        for p in P:
+            if u * (p[0] - a[0]) + v * (p[1] - a[1]) + w * (p[2] - a[2]) < least:
+                return False
+    return True
+
+
+@compiled
+def _parted(P: Array, up: Array, piece: tuple[Array, ...], margin: float, normal: Array) -> tuple[float, int, bool]:
+    """(separation, number of the face that gives the normal; -1: `up`, -2: edges that cross; whether the plate is over it).
+
+    Writes the normal. Where a plate is over one face, and not below it, no other direction parts them further: none is tried,
+    nor where they are farther apart than the margin.
+    """
+    faces, vertices, _, loops, starts, dirs = piece
     best, carrier = -np.inf, -3
     for f in range(len(faces)):
         s = _lowest(P, faces[f]) - faces[f, 3]
@@ -86,8 +132,9 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
             best, carrier = s, f
             normal[:] = faces[f, :3]
     k = len(P)
-    if len(vertices) == 0 or k == 1:
-        return best, carrier
+    covered = best <= margin and _covers(normal, loops[starts[carrier] : starts[carrier + 1]], vertices, P)
+    if len(vertices) == 0 or k == 1 or best > margin or (covered and best > -0.25 * SAME_M):
+        return best, carrier, covered
     if k > 2:
         s = _lowest(P, up) + _lowest(vertices, -up)
         if s > best + SAME_M:
@@ -107,7 +154,7 @@ def _parted(P: Array, up: Array, faces: Array, vertices: Array, dirs: Array, nor
                 if s > best + SAME_M:
                     best, carrier = s, -2
                     normal[:] = m
-    return best, carrier
+    return best, carrier, covered
 
 
 @compiled
@@ -160,33 +207,6 @@ def _edge_of(x: Array, P: Array) -> int:
         if dot(away, away) < best:
             best, found = dot(away, away), i
     return found
-
-
-@compiled
-def wall(n: Array, a: Array, b: Array) -> Array:
-    """Unit vector across an edge from a to b of a face with normal n, into the face."""
-    m = cross(n, b - a)
-    return m / math.sqrt(max(dot(m, m), 1e-300))
-
-
-@compiled
-def walls_of(n: Array, loop: Array, vertices: Array) -> Array:
-    """(m, level) of each edge of a face with a normal n, m . x >= level over the face, shape (edges, 4)."""
-    out = np.empty((len(loop), 4))
-    for j in range(len(loop)):
-        a = vertices[loop[j]]
-        out[j, :3] = wall(n, a, vertices[loop[(j + 1) % len(loop)]])
-        out[j, 3] = dot(out[j], a)
-    return out
-
-
-@compiled
-def over(x: Array, walls: Array) -> bool:
-    """Whether a point is over a face; a half-space has no edges."""
-    for m in walls:
-        if m[0] * x[0] + m[1] * x[1] + m[2] * x[2] < m[3] - SAME_M:
-            return False
-    return True
 
 
 @compiled
@@ -336,13 +356,18 @@ def _nearest(
 @compiled
 def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: float, out: Spots) -> int:
     """Adds the points of a plate with one piece; their number."""
-    faces, vertices, edges, loops, starts, dirs = piece
+    faces, vertices, edges, loops, starts, _ = piece
     n, size = np.empty(3), len(P)
-    best, carrier = _parted(P, up, faces, vertices, dirs, n)
+    best, carrier, covered = _parted(P, up, piece, margin, n)
     if best > margin or (size > 2 and dot(n, up) < UPPER):
         return k
     before, how = k, ON_FACE
-    if carrier >= 0:
+    if carrier >= 0 and covered:
+        for i in range(size):
+            gap = dot(n, P[i]) - faces[carrier, 3]
+            if gap <= margin:
+                k = put(k, P[i], n, gap, (CORNER, i, carrier), n, out)
+    elif carrier >= 0:
         loop = loops[starts[carrier] : starts[carrier + 1]]
         k = _over(k, P, carrier, faces[carrier], loop, vertices, margin, out)
     elif carrier == -1:
