@@ -46,6 +46,8 @@ from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer
 
 INDEPENDENT = 1e-6
 """Singular values below this, over the largest, are those of points on a line, or of dependent rows."""
+MOST_SETS = 64
+"""Sets of active points whose shares are kept with the points."""
 
 
 class TouchingPoints:
@@ -57,36 +59,57 @@ class TouchingPoints:
         local: Where each is in its joint's axes, and from its contact's centre, shape (k, 3, 2) [m].
 
     Attributes:
-        bodies: The bodies, in the order of their joints: a single point has three rows, several that are not on a line six;
+        bodies: The bodies, in the order of their joints: points at one place have three rows, those that are not on a line six;
             None if others cannot be held still so.
         of: The body of each point, shape (k,).
         arms: Where each point is in its joint's axes, shape (k, 3) [m].
         centred: The same from its contact's centre.
-        of_rows: The same by velocities of the rows, shape (k, 3, rows).
-        shares: Forces of least norm at the points for forces on the rows, shape (k, 3, rows).
+        of_rows: Velocities of the points by those of the rows, shape (k, 3, rows).
         agrees: Whether the equations of motion were found to be those of M and h; None before they were compared.
     """
 
     def __init__(self, robot: CheckedModel, joint: Array, local: Array) -> None:
-        k, (self.arms, self.centred) = len(local), (x.copy() for x in np.moveaxis(local, 2, 0))
+        self.arms, self.centred = (x.copy() for x in np.moveaxis(local, 2, 0))
         joints, self.of = np.unique(joint, return_inverse=True)
-        S = np.array([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in self.arms])
         members = [np.flatnonzero(self.of == b) for b in range(len(joints))]
-        at = [self.arms[own[0]] if len(own) == 1 else np.zeros(3) for own in members]
+        sizes = [self._rank(own) for own in members]
         held = [
-            Site(int(joint), pin.SE3(np.eye(3), x), 3 if len(own) == 1 else 6, axes=0)
-            for joint, x, own in zip(joints, at, members, strict=True)
+            Site(int(joint), pin.SE3(np.eye(3), self.arms[own[0]] if size == 3 else np.zeros(3)), size, axes=0)
+            for joint, size, own in zip(joints, sizes, members, strict=True)
         ]
-        firm = all(len(own) == 1 or rank_of(S[own].reshape(-1, 6), INDEPENDENT) == 6 for own in members)
-        self.bodies = ContactBodies.of(robot, held) if firm and joints[0] else None
+        self.bodies = ContactBodies.of(robot, held) if all(sizes) and joints[0] else None
         self.agrees: bool | None = None
+        self._known = dict[bytes, Array]()
         if self.bodies is None:
             return
-        self.of_rows, self.shares = np.zeros((k, 3, self.bodies.m)), np.zeros((k, 3, self.bodies.m))
-        for own, rows in zip(members, self.bodies.rows, strict=True):
-            by_rows, size = np.eye(3)[None] if len(own) == 1 else S[own], rows.stop - rows.start
-            self.of_rows[own, :, rows] = by_rows
-            self.shares[own, :, rows] = np.linalg.pinv(by_rows.reshape(-1, size).T).reshape(-1, 3, size)
+        self.of_rows = np.zeros((len(local), 3, self.bodies.m))
+        for own, size, rows in zip(members, sizes, self.bodies.rows, strict=True):
+            self.of_rows[own, :, rows] = self._moved(own)[:, :, :size]
+
+    def _moved(self, points: Array) -> Array:
+        """Velocities of points by those of their body, (linear, angular), shape (points, 3, 6)."""
+        return np.array([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in self.arms[points]])
+
+    def _rank(self, points: Array) -> int:
+        """Rows of a body that some of its points hold: 3 of points at one place, 6; 0 where they hold it in part."""
+        if not np.ptp(self.arms[points], axis=0).any():
+            return 3
+        return 6 * (rank_of(self._moved(points).reshape(-1, 6), INDEPENDENT) == 6)
+
+    def shares(self, active: Array) -> Array:
+        """Forces of least norm at active points for forces on the rows, shape (k, 3, rows); NaN where those do not hold all."""
+        known = self._known.get(active.tobytes())
+        if known is None:
+            assert self.bodies is not None
+            known = np.zeros(self.of_rows.shape)
+            for b, rows in enumerate(self.bodies.rows):
+                own, size = np.flatnonzero((self.of == b) & active), rows.stop - rows.start
+                if not len(own) or self._rank(own) != size:
+                    known[:] = np.nan
+                    break
+                known[own, :, rows] = np.linalg.pinv(self.of_rows[own, :, rows].reshape(-1, size).T).reshape(-1, 3, size)
+            keep(self._known, active.tobytes(), known, MOST_SETS)
+        return known
 
     @classmethod
     def prepared(cls, robot: CheckedModel, sources: Sequence[PlanePoints]) -> TouchingPoints:
@@ -172,7 +195,8 @@ class GroundDynamics:
         self._axes = axes = np.concatenate([source.axes for source in sources])
         self._height = np.concatenate([source.height for source in sources])
         self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(self._bodies.sites))
-        self._constants = (np.array(touching.of, np.int64), axes, touching.arms, touching.shares, layout.mu)
+        self._places = np.array(touching.of, np.int64), axes, touching.arms
+        self._shares = layout.everything, touching.shares(layout.everything)
         self._mu, self._gravity = layout.mu, robot.gravity
 
     def __del__(self) -> None:
@@ -213,7 +237,7 @@ class GroundDynamics:
         pin.forwardKinematics(self._model, self._workspace.data, q, v)
         X, V = self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
         gap, velocity = np.empty(len(self._height)), np.empty(3 * len(self._height))
-        return X, gap, velocity, self._kernel.points(X, V, self._gaps, self._height, *self._constants[:3], gap, velocity)
+        return X, gap, velocity, self._kernel.points(X, V, self._gaps, self._height, *self._places, gap, velocity)
 
     def located(self, X: Array) -> list[PointPlaces]:
         """Where the points of each source are, by placements of the bodies at n states, shape (n, 12 bodies)."""
@@ -252,10 +276,13 @@ class GroundDynamics:
         if active is not self.layout.everything and not active.any():
             return self._free(model, equations, applied)
         space.terms(model, state.q, state.v)
+        if active is not self._shares[0]:
+            self._shares = active, self._touching.shares(active)
         v, impulse, velocity = np.empty(len(start)), np.empty(len(u)), np.empty(len(u))
         how, merit = kernel.advance(
             *space.read, *space.fixed, state.v, applied, space.memory, start, _NOTHING if mean is None else mean, u, guess,
-            _NOTHING if shift is None else shift, active, h, law == "coulomb", *self._constants, v, impulse, velocity,
+            _NOTHING if shift is None else shift, active, h, law == "coulomb", *self._places, self._shares[1], self._mu,
+            v, impulse, velocity,
         )  # fmt: skip
         if how == kernel.UNDECIDED or not is_finite(v):
             return None
@@ -265,7 +292,9 @@ class GroundDynamics:
         """The least displacement in the metric of M that closes the gaps (k,) of some points, by their rates, shape (nv,)."""
         space, out = self._workspace, np.empty(len(state.v))
         pin.crba(self._model, space.data, state.q, WORLD)
-        self._kernel.toward(*space.read, *space.fixed, out, out, space.memory, *self._constants, closes, gap, out)
+        self._kernel.toward(
+            *space.read, *space.fixed, out, out, space.memory, *self._places, self._shares[1], self._mu, closes, gap, out
+        )
         return out
 
     def _heavier(self, added: Array) -> pin.Model:

@@ -311,7 +311,7 @@ def _advance(
         of: The body of each point.
         axes: R_WC of each point.
         arms: Where each point is in its body's axes.
-        shares: Forces of least norm at the points for forces on the rows, shape (k, 3, rows).
+        shares: Forces of least norm at active points for forces on the rows, shape (k, 3, rows); NaN: they do not hold all.
         mu: Friction coefficients.
         end: Written: the velocity.
         f: Written: impulses of the points.
@@ -322,14 +322,17 @@ def _advance(
     all_rows(M, J, bias, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
     if holding_forces(terms, F) != m:
         return UNDECIDED, math.inf
-    a, part, turns, rests = np.empty(n), 1.0, 0.0, bool(len(shift) == 0 and active.all())
+    a, part, turns, rests = np.empty(n), 1.0, 0.0, len(shift) == 0
     if len(mean):  # velocities of the rows that the motion which holds them would have
         accelerated(terms, terms.z, parent, F, a)
         end[:] = mean + 0.5 * h * a
         _row_velocities(terms, end, parent, moved)
         part = 0.5
     else:
-        rests = rests and not u.any()
+        for i in range(k):
+            if not active[i]:
+                continue
+            rests = rests and u[3 * i] == 0.0 and u[3 * i + 1] == 0.0 and u[3 * i + 2] == 0.0
     for i in range(len(sites)):
         for r in range(sites[i, ROW], sites[i, ROW] + sites[i, SIZE]):
             turns += terms.velocity[r] ** 2 if sites[i, SIZE] > 3 else 0.0

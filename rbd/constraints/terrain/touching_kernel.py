@@ -67,6 +67,15 @@ def _lowest(P: Array, n: Array) -> float:
 
 
 @compiled
+def _extent(P: Array, x: float, y: float, z: float) -> tuple[float, float]:
+    least, most = np.inf, -np.inf
+    for p in P:
+        along = p[0] * x + p[1] * y + p[2] * z
+        least, most = min(least, along), max(most, along)
+    return least, most
+
+
+@compiled
 def within(x: Array, faces: Array) -> float:
     """The largest N x - d: negative inside."""
     most = -np.inf
@@ -141,19 +150,21 @@ def _parted(P: Array, up: Array, piece: tuple[Array, ...], margin: float, normal
             best, carrier = s, -1
             normal[:] = up
     for i in range(1 if k == 2 else k):
-        e = P[(i + 1) % k] - P[i]
+        a, b = P[i], P[(i + 1) % k]
+        x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         for d in dirs:
-            n = cross(e, d)
-            size = math.sqrt(dot(n, n))
-            if size < 1e-6 * math.sqrt(dot(e, e)):
+            u, v, w = y * d[2] - z * d[1], z * d[0] - x * d[2], x * d[1] - y * d[0]
+            size = math.sqrt(u * u + v * v + w * w)
+            if size < 1e-6 * math.sqrt(x * x + y * y + z * z):
                 continue
-            n = n / size
-            for sign in (1.0, -1.0):
-                m = sign * n
-                s = _lowest(P, m) + _lowest(vertices, -m)
-                if s > best + SAME_M:
-                    best, carrier = s, -2
-                    normal[:] = m
+            u, v, w = u / size, v / size, w / size
+            (low, high), (bottom, top) = _extent(P, u, v, w), _extent(vertices, u, v, w)
+            if low - top > best + SAME_M:
+                best, carrier = low - top, -2
+                normal[0], normal[1], normal[2] = u, v, w
+            if bottom - high > best + SAME_M:
+                best, carrier = bottom - high, -2
+                normal[0], normal[1], normal[2] = -u, -v, -w
     return best, carrier, covered
 
 
@@ -494,11 +505,14 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
         x, own = places[m] - gaps[m] * normals[m], faces[begins[b, 0] : begins[b + 1, 0]]
         for i in range(pieces):
             h = firsts[i]
-            a, turned = which[h, 3], normals[h] - normals[m]
+            a = which[h, 3]
             if a == b:
                 continue
+            outside = _beside(x, faces, begins[a, 0], begins[a + 1, 0])
+            if outside and which[m, 0] != CORNER:
+                continue
+            turned = normals[h] - normals[m]
             alike = dot(turned, turned) < ALIKE * ALIKE
-            others = faces[begins[a, 0] : begins[a + 1, 0]]
             if alike and which[m, 0] == CORNER:  # one corner over two pieces that meet, or one above the other: the higher one
                 for c in range(h, firsts[i + 1]):
                     if which[c, 0] == CORNER and which[c, 1] == which[m, 1] and not dropped[c - begin]:
@@ -506,8 +520,9 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                         dropped[m - begin] |= level < -SAME_M or (level < SAME_M and c < m)
             if dropped[m - begin]:
                 break
-            if within(x, others) > SEAM_M:
+            if outside:
                 continue
+            others = faces[begins[a, 0] : begins[a + 1, 0]]
             out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]
             goes_on = max(within(out_of_b, others), within(out_of_b + out_of_a, others), within(out_of_b + LIFT_M * up, others))
             if goes_on <= SEAM_M:
@@ -516,9 +531,11 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                 dropped[m - begin] = within(x + out_of_a, own) > SEAM_M
                 if dropped[m - begin] and which[m, 0] == CORNER and which[h, 0] == CORNER:  # a valley, where both rise
                     c, lift = dot(normals[h], normals[m]), LIFT_M / np.sqrt(0.5 * dot(turned, turned))
+                    at = places[h] - gaps[h] * normals[h]
                     up_b, up_a = lift * (normals[h] - c * normals[m]), lift * (normals[m] - c * normals[h])
                     rise = max(within(x + up_b, own), within(x + up_a, others)) <= SEAM_M
-                    dropped[m - begin] = not (rise and _is_face(normals[m], own) and _is_face(normals[h], others))
+                    meet = _is_face(normals[m], own) and _is_face(normals[h], others) and abs(dot(normals[h], x - at)) <= SEAM_M
+                    dropped[m - begin] = not (rise and meet)
             elif which[m, 0] != CORNER and kinds[a] == kinds[b]:
                 flat = size > 2 and _is_face(normals[m], own) and _is_face(normals[m], others)
                 dropped[m - begin] = flat or _is_there(places[m], h, min(m, firsts[i + 1]), begin, places, dropped)
@@ -532,6 +549,15 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                 which[kept], ways[kept] = which[m], ways[m]
             kept += 1
     return kept
+
+
+@compiled
+def _beside(x: Array, faces: Array, first: int, last: int) -> bool:
+    """Whether a point is outside of a piece, by more than a seam."""
+    for f in range(first, last):
+        if faces[f, 0] * x[0] + faces[f, 1] * x[1] + faces[f, 2] * x[2] - faces[f, 3] > SEAM_M:
+            return True
+    return False
 
 
 @compiled
