@@ -505,7 +505,8 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                         dropped[m - begin] |= level < -SAME_M or (level < SAME_M and c < m)
             if dropped[m - begin]:
                 break
-            if within(x, others) > SEAM_M:
+            moves_apart = kinds[a] != kinds[b] and which[m, 0] != CORNER and dot(turned, turned) < LEAN * LEAN
+            if within(x, others) > SEAM_M or (moves_apart and not alike):
                 continue
             out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]
             goes_on = max(within(out_of_b, others), within(out_of_b + out_of_a, others), within(out_of_b + LIFT_M * up, others))
