@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.optimize import minimize_scalar
+from scipy.spatial import ConvexHull
 
 import rbd
 from rbd.arrays import Array
@@ -101,3 +103,39 @@ def test_rates_of_points_of_shafts(capsule: rbd.Robot, on: rbd.Terrain, kind: in
             assert (gap_1 - gap_0) / (2.0 * h) == pytest.approx(u[2], abs=1e-6)
             np.testing.assert_allclose((u_1 - u_0) / (2.0 * h), bias, atol=1e-4, rtol=1e-5)
     assert met > 10
+
+
+@pytest.mark.parametrize("z", [0.02, 0.0, -0.03, -0.2])
+@pytest.mark.parametrize("lean", [0.0, 0.2])
+def test_a_capsule_through_a_wall_is_named(capsule: rbd.Robot, z: float, lean: float) -> None:
+    """With both ends outside: depth and way out are those of the nearest face of the Minkowski difference of axis and wall."""
+    R, low, high = pin.rpy.rpyToMatrix(0.0, lean, 0.0) @ LEVEL, *(np.array(x) for x in ((-0.02, -1, -1), (0.02, 1, 0)))
+    state, contacts = at(capsule, R, np.array([0.0, 0.0, z])), rbd.CollisionContacts("c", capsule, friction=0.5, on=WALL)
+    ends = np.array([0.0, z]) + HALF * np.outer([-1.0, 1.0], R[[0, 2], 2])  # the wall is endless along y
+    box = np.array([[x, y] for x in (low[0], high[0]) for y in (low[2], high[2])])
+    faces = ConvexHull((ends[:, None] - box).reshape(-1, 2)).equations  # N x + d <= 0 inside
+    inside = faces[:, 2].max() < 0.0
+    out = -faces[faces[:, 2].argmax(), :2]
+    depth = RADIUS - (faces[:, 2].max() if inside else distance(state.q, low, high) + RADIUS)
+    gaps = contacts.with_margin(0.05).rows(state).error
+    assert gaps is not None and -gaps[2::3].min() == pytest.approx(depth, abs=1e-12 if inside else 1e-9)
+    with pytest.warns(rbd.errors.DistantContactWarning), pytest.raises(rbd.InputError) as caught:
+        rbd.simulate(state, [contacts], duration=0.1, step=1e-3, progress=False)
+    said = re.search(r"'c' ([.\d]+) mm at '.*box 0.* \(out along \((.*), (.*), (.*)\)\)'", str(caught.value))
+    assert said and float(said[1]) == pytest.approx(1e3 * depth, rel=1e-3) and float(said[3]) == 0.0
+    assert inside == (z <= 0.0)
+    if inside:
+        assert [float(said[2]), float(said[4])] == pytest.approx(out, abs=1e-3)
+
+
+def test_an_axis_that_pierces_a_wall_pushes_out() -> None:
+    """A needle whose axis is in a wall by less than a simulation accepts is let out, and lies on the wall then."""
+    b = rbd.RobotBuilder("needle")
+    b.body("body", rbd.robots.Capsule(0.002, 0.4, mass=1.0, rpy=(0, np.pi / 2, 0)))
+    needle = b.robot()
+    state = needle.at([0.0, 0.0, -0.004, 0, 0, 0, 1])
+    with pytest.warns(rbd.errors.DistantContactWarning, match="6 mm at .*box 0.* .out along .0, 0, 1.."):
+        run = rbd.simulate(
+            state, [rbd.CollisionContacts("c", needle, friction=0.5, on=WALL)], duration=0.05, step=1e-3, progress=False
+        )
+    assert run.q[-1, 2] == pytest.approx(0.002, abs=1e-8)

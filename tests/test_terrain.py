@@ -100,14 +100,14 @@ def test_seams_are_not_there():
             np.testing.assert_allclose(found.gaps, 0.0, atol=1e-15)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_touching_random_boxes(seed):
+@pytest.mark.parametrize("seed", range(4))
+def test_touching_random_boxes(seed, exhaustive):
     """A sole that comes down on random boxes touches where a dense sampling of it does, and nothing of it is inside above."""
     rng = np.random.default_rng(seed)
     g = np.linspace(-1.0, 1.0, 41)
     samples = np.stack(np.meshgrid(0.12 * g, 0.06 * g, [0.0], indexing="ij"), -1).reshape(-1, 3)
     checked = 0
-    for _ in range(150):
+    while checked < (250 if exhaustive else 40):
         pieces = {}
         for i in range(rng.integers(1, 4)):
             turn = rng.uniform(-0.3, 0.3, 3) if rng.random() < 0.5 else [0.0, 0.0, rng.uniform(-3.0, 3.0)]
@@ -136,7 +136,6 @@ def test_touching_random_boxes(seed):
             low, high = (low, middle) if apart else (middle, high)
         lifted = samples @ R.T + start + (high - falls) * up
         assert min(piece.depths(lifted).min() for piece in terrain.pieces) > -1e-9
-    assert checked > 50
 
 
 def test_rates():
@@ -194,7 +193,7 @@ def test_standing_over_an_edge():
     front = max((state.frame(s.frame).X_WF * s.placement).act(c)[0] for s in TALOS.soles() for c in s.corners)
     feet = TALOS.soles(friction=0.7, on=rbd.Terrain.boxes([(-2, -1, -0.5), (front - 0.03, 1, 0.0)]))
     controller = WholeBodyController([ComTask(state.com, cost=100.0), PostureTask(state.q, cost=0.05, gain=40.0)], feet)
-    stood = rbd.simulate(state, feet, duration=0.1, step=2e-3, controller=controller, progress=False)
+    stood = rbd.simulate(state, feet, duration=1.0, step=2e-3, controller=controller, progress=False)
     assert not stood.events
     assert np.abs(stood.com - stood.com[0]).max() < 1e-6
     assert stood.residuals["penetration"].max() < 1e-12
@@ -279,45 +278,99 @@ def test_shapes_pass_seams(tmp_path):
     np.testing.assert_allclose(rolled[0].q, rolled[1].q, atol=1e-12)
 
 
-def test_box_slides_off_an_edge_as_in_mujoco(tmp_path):
-    """Up to its landing within 1 mm of MuJoCo's, with stiff contacts; then by the impact of a corner, by Coulomb's law.
-
-    MuJoCo's corner bounces: the box then turns at 11.7 rad/s by its steps of 20 us, at 11.2 by 4 us, at 10.66 by the law.
-    """
-    mujoco = pytest.importorskip("mujoco")
-    box, speed, step = moving(tmp_path, "box", 0.2, 0.2, 0.2), 1.4, 5e-4
+def slid_off(tmp_path: Path, duration: float) -> tuple[rbd.Trajectory, int, Array, Array]:
+    """A box slides off a table of 0.3 m: (its motion, the sample before it lands; R, and (x, z, v_x, v_z, w) as it does)."""
+    box = moving(tmp_path, "box", 0.2, 0.2, 0.2)
     ground = rbd.Terrain({"floor": rbd.Ground(point=(0, 0, 0)), "table": (coal.Box(1.0, 1.0, 0.3), (0.0, 0.0, 0.15))})
     run = rbd.simulate(
-        rbd.State(box, [0.3, 0, 0.4, 0, 0, 0, 1], [speed, 0, 0, 0, 0, 0]),
-        [rbd.CollisionContacts("c", box, friction=0.3, on=ground)], duration=0.48, step=step, progress=False,
+        rbd.State(box, [0.3, 0, 0.4, 0, 0, 0, 1], [1.4, 0, 0, 0, 0, 0]),
+        [rbd.CollisionContacts("c", box, friction=0.3, on=ground)], duration=duration, step=5e-4, progress=False,
     )  # fmt: skip
     lands = next(event.t for event in run.events if event.piece == "floor")
-    model = mujoco.MjModel.from_xml_string(
-        '''<mujoco><option timestep="2e-5" cone="elliptic" impratio="100" iterations="200" tolerance="1e-12"/>
-        <default><geom solref="4e-4 1" solimp="0.9999 0.9999 0.0001" friction="0.3 0 0" condim="3"/></default>
-        <worldbody><geom type="plane" size="5 5 .1"/><geom type="box" size=".5 .5 .15" pos="0 0 .15"/>
-        <body pos="0.3 0 .4"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body></worldbody></mujoco>'''
-    )
-    data, away = mujoco.MjData(model), []
-    data.qvel[0] = speed
-    for q in run.q[1 : int(lands / step) + 1]:
-        for _ in range(25):
-            mujoco.mj_step(model, data)
-        away.append(np.linalg.norm(q[:3] - data.qpos[:3]))
-    assert max(away) < 1e-3 and len(away) * step > 0.45
-    assert run.residuals["penetration"].max() < 1e-9
-    k = int(lands / step)
-    R, w = run.state(k).frame("body").X_WF.rotation, run.v[k, 4]  # the rate of a free fall is constant
-    R, v = R @ pin.exp3(np.array([0.0, w * (lands - run.t[k]), 0.0])), R @ run.v[k, :3] - [0.0, 0.0, 9.81 * (lands - run.t[k])]
+    k = int(lands / 5e-4)
+    R, w, s = run.state(k).frame("body").X_WF.rotation, run.v[k, 4], lands - run.t[k]  # the rate of a free fall is constant
+    v = R @ run.v[k, :3]
+    p, R = run.q[k, :3] + v * s - [0, 0, 0.5 * 9.81 * s * s], R @ pin.exp3(np.array([0.0, w * s, 0.0]))
+    return run, k, R, np.array([p[0], p[2], v[0], v[2] - 9.81 * s, w])
+
+
+def rate_after(R: Array, u: Array, lifts: float) -> float:
+    """Of a box whose lowest corner slips in a plastic impact, friction 0.3: it leaves the floor at `lifts` times its slip."""
     c = min((R @ np.array([x, 0.0, z]) for x in (-0.1, 0.1) for z in (-0.1, 0.1)), key=lambda p: p[2])
-    I, u, found = 0.08 / 12.0, v + w * np.array([c[2], 0.0, -c[0]]), []
-    for way in (1.0, -1.0):  # its velocity along the floor after the impact, against which friction is
-        d = np.array([-0.3 * way, 0.0, 1.0])
-        turn = float(np.cross(c, d)[1]) / I
-        impulse = -u[2] / (1.0 - turn * c[0])  # that stops it along the normal
-        if way * (u[0] + impulse * (d[0] + turn * c[2])) > 0.0:
-            found.append(w + turn * impulse)
-    assert run.v[k + 1, 4] == pytest.approx(found[0], rel=1e-6) and len(found) == 1
+    J, found = np.array([[1.0, 0.0, c[2]], [0.0, 1.0, -c[0]]]), []
+    for way in (1.0, -1.0):  # of the slip after the impact, against which friction is
+        d = np.array([-0.3 * way, 1.0]) @ J / [1.0, 1.0, 0.08 / 12.0]  # change of u by a unit of impulse along the normal
+        rows = J[1] - lifts * way * J[0]
+        after = u - d * (rows @ u) / (rows @ d)
+        if way * (J[0] @ after) > 0.0:
+            found.append(float(after[2]))
+    assert len(found) == 1
+    return found[0]
+
+
+def mujoco_box(head: str, world: str, place: Array, turn: Array, spatial: Array, w: float) -> tuple[Any, Any]:
+    """MuJoCo's model and data of the box on its floor: place, quaternion (x, y, z, w), velocity in W, rate about y."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(
+        f'''<mujoco>{head}<worldbody><geom type="plane" size="5 5 .1"/>{world}
+        <body><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body></worldbody></mujoco>'''
+    )
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = [*place, turn[3], *turn[:3]], [*spatial, 0.0, w, 0.0]
+    return model, data
+
+
+def apart(run: rbd.Trajectory, first: int, last: int, model: Any, data: Any) -> float:
+    """How far the box is at most from MuJoCo's, which begins at sample `first`, up to sample `last` [m]."""
+    mujoco, away = pytest.importorskip("mujoco"), 0.0
+    begins = run.t[first] - data.time
+    for t, q in zip(run.t[first + 1 : last + 1], run.q[first + 1 : last + 1], strict=True):
+        while begins + data.time < t - 0.5 * model.opt.timestep:
+            mujoco.mj_step(model, data)
+        away = max(away, float(np.linalg.norm(q[:3] - data.qpos[:3])))
+    return away
+
+
+def test_box_slides_off_an_edge_as_in_mujoco(tmp_path):
+    """Up to its landing within 1 mm of MuJoCo's, with one of its settings: its slide does not converge as contact gets stiffer.
+
+    With time constants of 0.8, 0.4, 0.2, 0.1, 0.05 ms it is 0.4, 0.4, 1.1, 2.1 and 9 mm away there.
+    """
+    run, k, _, _ = slid_off(tmp_path, 0.48)
+    head = '''<option timestep="2e-5" cone="elliptic" impratio="100" iterations="200" tolerance="1e-12"/>
+        <default><geom solref="4e-4 1" solimp="0.9999 0.9999 0.0001" friction="0.3 0 0" condim="3"/></default>'''
+    table = '<geom type="box" size=".5 .5 .15" pos="0 0 .15"/>'
+    model, data = mujoco_box(head, table, run.q[0, :3], run.q[0, 3:], run.v[0, :3], 0.0)
+    assert apart(run, 0, k, model, data) < 1e-3 and run.t[k] > 0.45
+    assert run.residuals["penetration"].max() < 1e-9
+
+
+def test_a_corner_lands_as_in_the_rigid_limit_of_mujoco(tmp_path):
+    """From its landing on the box is within 2 mm of MuJoCo's up to the second impact, and each obeys its own law.
+
+    MuJoCo's contact is a spring with a time constant and a damping ratio. With a ratio of 1 it rebounds however stiff it is:
+    the impact is plastic only as the ratio goes to infinity and the time to zero. That limit is the convex law: a corner that
+    slips leaves the floor at u_n = mu |u_t|. `rbd` has that with law="convex"; by Coulomb's law, u_n = 0.
+    """
+    run, k, R, at = slid_off(tmp_path, 0.55)
+    coulomb, convex = (rate_after(R, at[2:], lifts) for lifts in (0.0, 0.3))
+    assert run.v[k + 1, 4] == pytest.approx(coulomb, rel=1e-6)
+    other = rbd.simulate(
+        run.state(k).at_time(0.0), [rbd.CollisionContacts("c", run.robot, friction=0.3, on=rbd.Ground(point=(0, 0, 0)))],
+        duration=5e-3, step=5e-4, law="convex", progress=False,
+    )  # fmt: skip
+    assert other.v[-1, 4] == pytest.approx(convex, rel=1e-6)
+    second = int(next(e.t for e in run.events if e.t > run.t[k] + 5e-3) / 5e-4)
+    assert run.t[second] - run.t[k] > 0.03
+    first, errors = k - 2, []
+    spatial = run.state(first).frame("body").X_WF.rotation @ run.v[first, :3]
+    for stiff in (1e-4, 2.5e-5):
+        head = f'''<option timestep="{stiff / 20.0}" cone="elliptic" impratio="100" iterations="200" tolerance="1e-14"/>
+            <default><geom solref="{stiff} 100" solimp="0.9999 0.9999 0.0001" friction="0.3 0 0" condim="3"/></default>'''
+        model, data = mujoco_box(head, "", run.q[first, :3], run.q[first, 3:], spatial, run.v[first, 4])
+        assert apart(run, first, second, model, data) < 2e-3
+        errors.append(abs(float(data.qvel[4]) - convex))
+    assert errors[1] < 0.35 * errors[0] and errors[1] < 0.05 * (convex - coulomb)
 
 
 def test_hulls_on_boxes_fall_as_on_the_plane():

@@ -24,6 +24,7 @@ from rbd.constraints.surface import (
     cone_of,
     contact_axes,
     jump_of,
+    out_along,
     plane_of,
 )
 from rbd.constraints.terrain.shapes import OnPieces
@@ -187,7 +188,9 @@ class CollisionContacts(Displayed):
         error[2::3] = found.gaps
         patch, kept, within, deep = None, self._kept, max(TOUCHES, self.margin), list[tuple[str, float]]()
         if self._scattered:
-            deep = [(found.names[i], -float(found.gaps[i])) for i in np.flatnonzero(found.gaps < -within)]
+            some = np.flatnonzero(found.gaps < -within)
+            ways = [out_along(found.each_axes[i][:, 2]) if found.pieces and found.pieces[i] else "" for i in some]
+            deep = [(found.names[i] + way, -float(found.gaps[i])) for i, way in zip(some, ways, strict=True)]
         else:
             assert isinstance(self.on, Ground)
             r, on = found.positions - self._point, self.on.at(state.t)

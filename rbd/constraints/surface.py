@@ -270,6 +270,12 @@ def contact_axes(normal: Array, along: Array | None = None) -> Array:
     return np.column_stack([t1, np.cross(normal, t1), normal])
 
 
+def out_along(n: Array) -> str:
+    """The way out of a solid along a normal, shape (3,), in words."""
+    x, y, z = (n + 0.0).tolist()
+    return f" (out along ({x:.3g}, {y:.3g}, {z:.3g}))"
+
+
 def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
     """A direction, normalised.
 

@@ -13,7 +13,7 @@ import pinocchio as pin
 from rbd.arrays import Array, filled, lazy, zeros
 from rbd.constraints.constraint import Constraint, is_timed, member
 from rbd.constraints.stabilisation import Baumgarte
-from rbd.constraints.terrain.terrain import Terrain, terrains_of
+from rbd.constraints.terrain.terrain import Terrain, moving_planes_of, terrains_of
 from rbd.control.schedules import (
     AcceptedStep,
     ContactTouch,
@@ -88,8 +88,13 @@ class SimulatedMotion:
 
     @property
     def terrains(self) -> tuple[Terrain, ...]:
-        """The terrains that its contacts are on."""
-        return terrains_of(self.constraints)
+        """The terrains that its contacts are on, and the planes that move."""
+        return terrains_of(self.constraints) + moving_planes_of(self.constraints)
+
+    @property
+    def driven(self) -> dict[str, str]:
+        """{constraint: the joint whose motion it gives as a function of time}."""
+        return {c.name: str(joint) for c in self.constraints if is_timed(c) and (joint := member(c, "prescribes"))}
 
     @property
     def pushed(self) -> bool:

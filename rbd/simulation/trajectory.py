@@ -82,7 +82,8 @@ class Trajectory(Displayed):
         end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
         elements: Force elements that acted, which drawings show; empty where a function gave others with time.
         pushed: Whether other external forces acted, which are not recorded.
-        terrains: Those that contacts were on.
+        terrains: Those that contacts were on, and planes that moved, as half-spaces.
+        driven: {constraint: the joint whose motion it gave as a function of time}.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -125,6 +126,7 @@ class Trajectory(Displayed):
     elements: tuple[ForceElement, ...] = ()
     pushed: bool = False
     terrains: tuple[Terrain, ...] = ()
+    driven: Mapping[str, str] = field(default_factory=dict)
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field(
@@ -227,6 +229,7 @@ class Trajectory(Displayed):
             elements=motion.elements,
             pushed=motion.pushed,
             terrains=motion.terrains,
+            driven=motion.driven,
         )
 
     @property

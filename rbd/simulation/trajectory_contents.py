@@ -65,6 +65,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "absent": list(fields["absent"]),
         "pushed": bool(fields["pushed"]),
         "terrains": [plain_of(terrain, fields["t"]) for terrain in fields["terrains"]],
+        "driven": dict(fields["driven"]),
         **header_of_elements(fields["elements"]),
     }
 
@@ -102,6 +103,7 @@ def fields_of(
         "elements": elements_in(header, made),
         "pushed": bool(header.get("pushed", False)),
         "terrains": tuple(terrain_of(given) for given in listed_in(header, "terrains")) if "terrains" in header else (),
+        "driven": header.get("driven", {}),
         "t": t,
         "events": tuple(_event(given) for given in listed_in(header, "events")),
         "absent": words_in(header, "absent") if "absent" in header else (),

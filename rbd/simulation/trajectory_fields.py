@@ -176,6 +176,7 @@ def checked(fields: Fields) -> dict[str, Any]:
         raise InputError("elements of a trajectory must be force elements, as of rbd.constraints.forces.")
     if not all(isinstance(each, Terrain) for each in out["terrains"]):
         raise InputError(f"terrains of a trajectory are {fields['terrains']!r:.80}; expected rbd.Terrain.")
+    out["driven"] = _driven(robot, fields["driven"], names_of=fields["forces"])
     if not all(isinstance(each, Event) for each in out["events"]):
         raise InputError("events of a trajectory must be rbd.simulation Events.")
     if not all(isinstance(each, str) for each in out["absent"]):
@@ -190,6 +191,15 @@ def checked(fields: Fields) -> dict[str, Any]:
     if not 0.0 <= as_float(fields["step"]) < np.inf:
         raise InputError(f"step of a trajectory is {fields['step']!r:.80}; expected seconds.")
     return out
+
+
+def _driven(robot: CheckedModel, given: object, names_of: Mapping[str, Array]) -> Mapping[str, str]:
+    """{constraint: joint that it drives}, of constraints with forces and joints of the robot."""
+    if not isinstance(given, Mapping) or not set(given) <= set(names_of):
+        raise InputError(f"driven of a trajectory is {given!r:.80}; expected {{constraint: joint}} of its constraints.")
+    for joint in given.values():
+        robot.joints.with_one_freedom(joint, "driven of a trajectory")
+    return dict(given)
 
 
 def _checked_array(column: FieldColumn, value: Array, shape: Sequence[int | None]) -> Array:

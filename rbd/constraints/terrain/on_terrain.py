@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array, zeros
 from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
 from rbd.constraints.ground_points import PlanePoints
-from rbd.constraints.surface import UP, cone_of, contact_axes
+from rbd.constraints.surface import UP, cone_of, contact_axes, out_along
 from rbd.constraints.terrain.pieces import Plates
 from rbd.constraints.terrain.touches import Touches
 from rbd.model.state import State
@@ -129,9 +129,8 @@ class OnTerrain:
     def name_of(self, found: Touches, point: int) -> str:
         """What a point is, the piece in which it is, and the way out."""
         kind, i, _, piece, _, plate = found.which[point].tolist()
-        x, y, z = found.normals[point].tolist()
         name = f"{self._names[plate]}, {_KINDS[kind].format(i)} {self.terrain.pieces[piece].name}"
-        return f"{name} (out along ({x:.3g}, {y:.3g}, {z:.3g}))"
+        return name + out_along(found.normals[point])
 
     def structure(self, found: Touches) -> Structure:
         """The same object for the same points: corners keep their numbers from one piece to the next in its plane."""

@@ -417,3 +417,9 @@ def terrains_of(constraints: Iterable[object]) -> tuple[Terrain, ...]:
     """The terrains on which constraints stand, each once."""
     found = [on for constraint in constraints if isinstance(on := getattr(constraint, "on", None), Terrain)]
     return tuple({id(on): on for on in found}.values())
+
+
+def moving_planes_of(constraints: Iterable[object]) -> tuple[Terrain, ...]:
+    """The planes with a place and a motion on which constraints stand, each once, as a terrain of one half-space."""
+    found = {id(on): on for c in constraints if isinstance(on := getattr(c, "on", None), Ground)}
+    return tuple(Terrain({"ground": on}) for on in found.values() if on.motion is not None and on.point is not None)

@@ -395,13 +395,37 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
 
 
 @compiled
-def _shaft(k: int, P: Array, piece: tuple[Array, ...], margin: float, out: Spots) -> int:
+def _pierced(k: int, P: Array, up: Array, piece: tuple[Array, ...], out: Spots) -> int:
+    """Adds both ends of what is inside a piece of a capsule's axis whose own ends are outside, with the nearest way out."""
+    faces, vertices, n, e = piece[0], piece[1], np.empty(3), P[1] - P[0]
+    if min(within(P[0], faces), within(P[1], faces)) <= 0.0 or _parted(P, up, faces, vertices, piece[5], n)[0] >= SAME_M:
+        return k
+    low, high, level, first = 0.0, 1.0, -_lowest(vertices, -n), k
+    for f in faces:
+        s, t = dot(f, P[0]) - f[3], dot(f, P[1]) - f[3]
+        if s > 0.0 >= t:
+            low = max(low, s / (s - t))
+        elif t > 0.0 >= s:
+            high = min(high, s / (s - t))
+    for i, share in enumerate((low, high)):
+        x = P[0] + share * e
+        k = put(k, x, n, dot(n, x) - level, (CORNER, i, i), n, out)
+    for m in range(first, k):
+        out[3][m, 4] = ON_FACE
+    return k
+
+
+@compiled
+def _shaft(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: float, out: Spots) -> int:
     """Adds the points of a capsule's axis between its ends: nearest to edges that it crosses, and to corners beside it.
 
     Each is as far as two points of axis and piece are, so that none is nearer than the piece. Those count whose directions are
     normals of the piece there, or nearly: an axis that rocks on an edge has one at either side of the piece's face.
     """
     vertices, edges, first = piece[1], piece[2], k
+    k = _pierced(k, P, up, piece, out)
+    if k > first:
+        return k
     e, clear = P[1] - P[0], np.ones(len(vertices), np.bool_)
     for c in range(len(edges)):
         i, j = edges[c, 0], edges[c, 1]
@@ -473,7 +497,7 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
             f_end, v_end, e_end, d_end = begins[i + 1]
             piece = (faces[f:f_end], vertices[v:v_end], edges[e:e_end], loops, loop_at[f : f_end + 1], dirs[d:d_end])
             which[k, 3], which[k, 4] = i, k
-            k = _shaft(k, P, piece, far, out) if radius > 0.0 and len(P) == 2 else _on_piece(k, P, up, piece, far, out)
+            k = _shaft(k, P, up, piece, far, out) if radius > 0.0 and len(P) == 2 else _on_piece(k, P, up, piece, far, out)
             if k + 1 >= len(gaps):
                 return -1
         if radius > 0.0:
@@ -520,7 +544,8 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                         dropped[m - begin] |= level < -SAME_M or (level < SAME_M and c < m)
             if dropped[m - begin]:
                 break
-            if outside:
+            moves_apart = kinds[a] != kinds[b] and which[m, 0] != CORNER and dot(turned, turned) < LEAN * LEAN
+            if outside or (moves_apart and not alike):
                 continue
             others = faces[begins[a, 0] : begins[a + 1, 0]]
             out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]

@@ -13,11 +13,12 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, closes_loop, frames_of, is_timed, member
 from rbd.constraints.contact_points import ContactPoints
 from rbd.model.external import generalised
+from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Label, Mark, Sizes, node, number, share_color
 from rbd.visual.marks.primitives import Primitive, arc, arrow, line, ring
 from rbd.visual.marks.shown_force import ShownForce
-from rbd.visual.shapes import axes_along
+from rbd.visual.shapes import Mesh, axes_along, tube
 from rbd.visual.style import LIMITED_COLOR
 
 if TYPE_CHECKING:
@@ -307,6 +308,24 @@ def drive_marks(drive: ShownDrive, sizes: Sizes) -> list[Mark]:
     if not way.empty:
         marks.append(Mark(f"{at}/way", (way,), DRIVE_COLOR, seen_through=True, layer="moments", label=label))
     return marks
+
+
+def drive_mesh(state: State, joint: Joint, sizes: Sizes) -> Mesh:
+    """The mark of a driven joint in the frame of the body that it moves: a bent bar about its axis, or a bar along it.
+
+    Args:
+        state: Any of the robot.
+        joint: One of one degree of freedom.
+        sizes: Of the marks.
+    """
+    ((point, axis, slides),) = joint_axes(state, [joint.v.start])
+    if slides:
+        points = point + 0.5 * BAR * sizes.body * np.outer([-1.0, 1.0], axis)
+    else:
+        turns, axes = np.linspace(0.0, DRIVEN_TURN, 49)[:, None], axes_along(axis)
+        points = point + AROUND_TORQUES * sizes.arc * (np.cos(turns) * axes[:, 0] + np.sin(turns) * axes[:, 1])
+    R, p = (x[0] for x in state.joint_places([joint.id]))
+    return tube((points - p) @ R, 0.75 * sizes.shaft)
 
 
 def _loop(state: State, constraint: Constraint, f: Array) -> ShownForce:

@@ -12,9 +12,11 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.terrain.terrain import Terrain
+from rbd.model.state import State
 from rbd.simulation.simulated_motion import OPEN, Event
 from rbd.visual.marks.applied_forces import RELAXED
 from rbd.visual.marks.mark import Sizes
+from rbd.visual.marks.other_constraints import DRIVE_COLOR, drive_mesh
 from rbd.visual.marks.picture import scale_note
 from rbd.visual.marks.shown_force import NOWHERE
 from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
@@ -50,6 +52,8 @@ STILL = 1e-4
 """The normal of a contact that changes by less is sent once."""
 APART = 0.12
 """Two motions beside each other are this share of the robot's size apart."""
+DRIVES = "drives"
+"""Path in the viewer of what shows driven joints."""
 SECOND = "second"
 """Path of the second robot's pieces in the viewer, if it is another robot."""
 
@@ -145,9 +149,23 @@ class MotionPage:
             ]
             for i, track in enumerate(self.frames.elements)
         }
+        if self._drives:
+            found[DRIVES] = self._drives
         if self.second is not None:
             found |= self.second.further_parts
         return found | {SECOND: self.second.parts} if self.second is not None and self.own_meshes else found
+
+    @lazy
+    def _drives(self) -> list[RobotPart]:
+        """What shows the driven joints: it moves with the body that each joint moves. Of a second motion none."""
+        robot, out = self.shown.robot, []
+        start = State(robot, np.array(self.shown.q[0], float))
+        for name, driven in {} if any(self.shift) else self.shown.driven.items():
+            joint = robot.joints[driven]
+            if joint.id in self.frames.joints:
+                mesh = drive_mesh(start, joint, self.sizes)
+                out.append(RobotPart(name, joint.id, pin.SE3.Identity(), mesh, DRIVE_COLOR, 1.0))
+        return out
 
     def _element(self, i: int) -> str:
         """Path in the viewer of the pieces of a force element."""
@@ -245,6 +263,7 @@ class MotionPage:
         frames = [("frames", i, joint, pin.SE3.Identity()) for i, joint in enumerate(range(1, robot.model.njoints))]
         moving = [(i, s.part) for i, s in enumerate(collision_parts(robot)) if s.part.joint]
         shapes = [("collision", i, part.joint, part.placement) for i, part in moving]
+        shapes += [(DRIVES, i, part.joint, part.placement) for i, part in enumerate(self._drives)]
         return {
             "parts": [part for part in parts if part["body"] is not None],
             "fixed": [part for part in parts if part["body"] is None],
@@ -289,6 +308,7 @@ class MotionPage:
             "pushes": [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes],
             "elements": [element_look(e, self._element(i), sizes) for i, e in enumerate(frames.elements)],
             "others": list(frames.modes)[len(contacts) :],
+            "driven": {name: {"joint": joint, "color": DRIVE_COLOR} for name, joint in self.shown.driven.items()},
             "lanes": [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in lanes.items()],
             "words": self.words,
             "com": COM_COLOR if len(frames.com) else "",

@@ -62,6 +62,7 @@ class ShownMotion:
         lanes: {mode that is no contact's: its colour}, of those with a lane above the bar.
         pushes: Forces that are no contacts', at each sample.
         terrains: Those that it takes place on.
+        driven: {constraint: the joint that it drives}.
         down: By how much the motion was lowered [m]: so is a second one.
         charts: The charts that are chosen.
         defaults: {setting of `Playback`: its value for this kind of motion where none is given}.
@@ -83,6 +84,7 @@ class ShownMotion:
     lanes: Mapping[str, str] = field(default_factory=dict)
     pushes: tuple[Track, ...] = ()
     terrains: tuple[Terrain, ...] = ()
+    driven: Mapping[str, str] = field(default_factory=dict)
     down: float = 0.0
     charts: Callable[[Choice], list[CurveChart]] = lambda _: []  # noqa: E731
     defaults: Mapping[str, Any] = field(default_factory=dict)
@@ -113,7 +115,8 @@ class ShownMotion:
         robot, t, charts = drawable(trajectory.robot), np.asarray(trajectory.t, float), partial(charts_of, trajectory)
         ground = getattr(trajectory, "ground", None)  # of an `rbd.Motion`
         terrains = getattr(trajectory, "terrains", (ground,) if isinstance(ground, Terrain) else ())
-        return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, terrains=terrains, **forces)
+        q, v, driven = trajectory.q, trajectory.v, getattr(trajectory, "driven", {})
+        return cls(trajectory, robot, t, q, v, robot.name, charts=charts, terrains=terrains, driven=driven, **forces)
 
 
 def a_time(what: str, value: object, first: float, last: float) -> float:

@@ -329,7 +329,8 @@ class Cues {
     };
     if (motion.contacts.length) columnNames(table, normals ? ["normal", "|f|"] : ["|f|"], 3);
     this.contacts = motion.contacts.map((c) => row(c.name, c.color));
-    this.others = motion.others.map((name) => row(name, ""));
+    const driven = motion.driven || {};
+    this.others = motion.others.map((name) => (driven[name] ? row(`${name}: ${driven[name].joint}`, driven[name].color) : row(name, "")));
     // Below a push its vector.
     this.pushes = motion.pushes.map((c) => {
       const made = row(c.name, c.color), more = table.insertRow();
@@ -363,7 +364,7 @@ class Cues {
     });
     let shown = 0;
     this.others.forEach((cell, i) => {
-      cell.mode.textContent = this.motion.words[codes[n + i]];
+      cell.mode.textContent = (this.motion.driven || {})[this.motion.others[i]] ? "driven" : this.motion.words[codes[n + i]];
       cell.line.hidden = !codes[n + i] || ++shown > 8;
     });
     this.pushes.forEach((cell, i) => {
