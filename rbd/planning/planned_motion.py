@@ -34,8 +34,8 @@ from rbd.simulation.progress_bar import progress_of
 from rbd.statics.equilibrium import hold
 from rbd.workers import one_blas_thread
 
-RATES = (50.0, 100.0)
-"""Knots a second that are tried in turn."""
+RATES = (50.0, 100.0, 200.0)
+"""Knots a second that are tried in turn; the last alone where nothing stands for a time."""
 FRICTION_SHARE = 0.86
 """Share of the friction with which poses and forces are sought."""
 COM = 0.02
@@ -226,7 +226,7 @@ def plan(
             the first and the last, and passes near the others.
         contacts: {foot or contact: [(start, end), ...]}: when it stands [s], True for all the time. Where it stands the
             keyframes within that time say. Feet are given by name; other contacts as `rbd.PointContact(...)`,
-            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 10 or 20 ms apart.
+            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to 5 ms apart.
         friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
@@ -264,13 +264,14 @@ def plan(
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
     found, failed = list[Plan](), None
     with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
-        for i, rate in enumerate(RATES):
-            first, last = supports.keys[0][0], supports.keys[-1][0]
+        first, last = supports.keys[0][0], supports.keys[-1][0]
+        rates = RATES[-1:] if supports.flies else RATES
+        for i, rate in enumerate(rates):
             bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
             t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
             knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, torques, bodies, costs)
             try:
-                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(RATES)))
+                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(rates)))
             except NoSolution as error:
                 failed = error
                 break

@@ -68,7 +68,46 @@ def test_keyframes_are_met_at_rest(squat: Plan, talos: rbd.Robot):
     assert squat.missing < 1e-9 and squat.drift < 1e-3 and 0.0 < squat.torque_use < 1.0 and squat.friction_use < 1.0
 
 
-@pytest.mark.parametrize("which", ["squat", "step"])
+@pytest.fixture(scope="module")
+def lifted(solo: rbd.Robot) -> Plan:
+    stand, feet = solo.standing(), {foot.name: True for foot in solo.feet()}
+    keys = {0.0: stand, 2.0: {"front_left": moved(solo, stand, "front_left", [0.05, 0.0, 0.0])}}
+    return rbd.plan(solo, keys, feet | {"front_left": [(0.0, 0.5), (1.0, 2.0)]}, progress=False)
+
+
+@pytest.fixture(scope="module")
+def hop(solo: rbd.Robot) -> Plan:
+    """Nothing stands from 0.4 to 0.7 s."""
+    stand = solo.standing()
+    low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.06, 0.02))
+    keys = {0.0: stand, 0.25: low, 0.4: off, 0.7: off, 0.85: low, 1.1: stand}
+    return rbd.plan(solo, keys, {foot.name: [(0.0, 0.4), (0.7, 1.1)] for foot in solo.feet()}, progress=False)
+
+
+def test_a_hop_is_a_throw(hop: Plan, solo: rbd.Robot):
+    """The centre of mass rises by g T^2 / 8 = 11 cm on a parabola, without angular momentum, as far as `missing` allows."""
+    assert hop.proved and 0.0 < hop.missing < FALLS
+    t, g = np.linspace(0.0, 0.3, 31), 9.81
+    states = [hop.state(0.4 + x) for x in t]
+    z = np.array([state.com[2] for state in states])
+    assert z.max() - z[0] == pytest.approx(g * 0.3**2 / 8.0, abs=0.5 * FALLS * g * 0.15**2 + 1e-5)
+    speed = float((states[0].centroidal()[0] @ states[0].v)[2] / solo.mass)
+    assert (np.abs(z - z[0] - speed * t + 0.5 * g * t**2) <= 0.5 * hop.missing * g * t**2 + 1e-12).all()
+    turning = np.array([(state.centroidal()[0] @ state.v)[3:] for state in states])
+    assert (np.linalg.norm(turning - turning[0], axis=1) <= np.sqrt(3.0) * hop.missing * 0.3 * solo.mass * g * t + 1e-12).all()
+    assert not hop.forces(0.55)
+
+
+def test_point_feet_push_within_cones_about_the_grounds_normal(lifted: Plan):
+    """Not about an axis of their links; and the three that carry keep a part of their share of the weight."""
+    weight = lifted.robot.mass * 9.81
+    for t in np.linspace(0.01, 1.99, 60):
+        each = np.concatenate(list(lifted.forces(t).values()))
+        assert (np.hypot(each[:, 0], each[:, 1]) <= 0.6 * each[:, 2]).all()
+    assert min(f[0, 2] for f in lifted.forces(0.75).values()) > 0.2 * weight / 3.0
+
+
+@pytest.mark.parametrize("which", ["squat", "step", "lifted"])
 def test_every_instant_is_possible(which: str, request: pytest.FixtureRequest, rng: np.random.Generator):
     """Of instants that are no ends of intervals, by other forces."""
     plan = request.getfixturevalue(which)
@@ -127,12 +166,13 @@ def test_rates_of_a_curve_are_those_of_its_poses(talos: rbd.Robot, step: Plan):
     assert ((v1 - v0) / (2.0 * d))[inner] == pytest.approx(a[inner], abs=1e-5)
 
 
-@pytest.mark.parametrize("which", ["squat", "step"])
+@pytest.mark.parametrize("which", ["squat", "step", "lifted", "hop"])
 def test_torques_alone_hold_the_feet(which: str, request: pytest.FixtureRequest):
     """Without feedback: feet move by less than 0.1 mm in the first half second."""
     plan = request.getfixturevalue(which)
     contacts = plan.contacts.standing(0.0)
-    run = rbd.simulate(plan.state(0.0), contacts, duration=0.5, step=1e-3, controller=plan.schedule, progress=False)
+    duration = 0.39 if which == "hop" else 0.49 if which == "lifted" else 0.5  # then feet leave
+    run = rbd.simulate(plan.state(0.0), contacts, duration=duration, step=1e-3, controller=plan.schedule, progress=False)
     for contact in contacts:
         off = centre_of(run.state(-1), contact).translation - centre_of(plan.state(0.0), contact).translation
         assert np.linalg.norm(off) < 1e-4
