@@ -25,6 +25,7 @@ from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
+from rbd.planning.between import Between, between
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.curve import Curve
 from rbd.planning.solving import Knots
@@ -54,6 +55,7 @@ class Plan(Displayed):
         curve: Cubics of the coordinates.
         pushes: Forces of the plan at its knots.
         intervals: What is known of each interval of time, the proof.
+        between: Limits of joints and of speeds, bodies apart, at all times.
         friction: Coulomb's coefficient of feet that are given by name.
         floor: What they stand on.
 
@@ -72,6 +74,7 @@ class Plan(Displayed):
     curve: Curve
     pushes: Pushes
     intervals: Intervals
+    between: Between
     friction: float
     floor: On
 
@@ -83,7 +86,7 @@ class Plan(Displayed):
     @property
     def proved(self) -> bool:
         """Whether every instant is proved to be possible."""
-        return bool(self.intervals.sure.all())
+        return bool(self.intervals.sure.all() and self.between.holds)
 
     @property
     def friction_use(self) -> float:
@@ -216,7 +219,7 @@ def plan(
     second derivatives prove that nothing is exceeded between; intervals are halved until that is so.
 
     Where contacts do not resist every wrench (nothing touches, or two points), up to 0.2 % of the weight may be missing.
-    Limits of joints and speeds hold at the knots, bodies are kept apart there. Contacts do not slide.
+    Limits of joints and speeds hold, and bodies are apart, at all times too (`rbd.planning.between`). Contacts do not slide.
 
     Args:
         robot: The robot, with a floating base.
@@ -314,7 +317,11 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
         knots.coefficients[group],
     )  # fmt: skip
     curve = Curve.of(supports.robot, knots.t, q)
-    return Plan(supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), friction, ground)
+    keys = np.array([state.q for _, state in supports.keys])
+    return Plan(
+        supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), between(curve, keys, knots.bodies),
+        friction, ground,
+    )  # fmt: skip
 
 
 def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None) -> CannotPlan:
@@ -324,6 +331,9 @@ def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | 
     best = max(found, key=lambda plan: float((plan.intervals.end - plan.intervals.start)[plan.intervals.sure].sum()))
     x = best.intervals
     bad = np.flatnonzero(~x.sure)
+    if not len(bad):
+        t, said = best.between.worst
+        return CannotPlan(f"no plan was found: at {t:.3f} s {said}; give keyframes between, or more time.", t=(t,), plan=best)
     worst = int(bad[np.argmax((x.missing[:, bad].max(axis=0)) + np.maximum(-x.slack[:, bad].min(axis=0), 0.0))])
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])

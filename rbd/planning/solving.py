@@ -191,7 +191,7 @@ class Knots:
 
 
 def _through(c: Sweep) -> Array:
-    """Where the cubic B-spline with control points c is at knots, shape (n, nq): there c has its velocities and accelerations."""
+    """Where the cubic B-spline with control points c is at knots, shape (n, nq); its rates there are those of c."""
     model = c.robot.model
     q = np.array([pin.integrate(model, x, c.dt**2 / 6.0 * a) for x, a in zip(c.q, c.a, strict=True)])
     q[[0, -1]] = c.q[[0, -1]]

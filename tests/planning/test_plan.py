@@ -11,7 +11,9 @@ import pytest
 import rbd
 from rbd.errors import CannotPlan, CannotReach, InputError
 from rbd.motion.frame_terms import FrameTerms, placements
+from rbd.motion.self_collision import BodyPairs
 from rbd.planning import Plan
+from rbd.planning.between import MEASURED, _apart, between
 from rbd.planning.bounds import Bounds
 from rbd.planning.certificate import FALLS
 from rbd.planning.curve import Curve
@@ -271,3 +273,44 @@ class TestRefused:
         arm = rbd.load_robot("panda", root="fixed")
         with pytest.raises(InputError, match="no floating base"):
             rbd.plan(arm, {0.0: arm.at().q, 1.0: arm.at().q}, {}, progress=False)
+
+
+class TestBetweenKnots:
+    """Limits of joints and of speeds, and bodies apart, at all times."""
+
+    @staticmethod
+    def curve(robot: rbd.Robot, rng: np.random.Generator) -> Curve:
+        """Through random poses."""
+        t, stand = np.linspace(0.0, 0.4, 9), robot.standing().q
+        return Curve.of(robot, t, np.array([pin.integrate(robot.model, stand, rng.normal(0.0, 0.15, robot.nv)) for _ in t]))
+
+    @pytest.mark.parametrize("order", [0, 1])
+    def test_extremes_of_cubics_are_exact(self, solo: rbd.Robot, rng: np.random.Generator, order: int):
+        """Nothing on a fine grid is outside, and the grid comes near to both."""
+        curve = self.curve(solo, rng)
+        low, high = curve.extremes(order)
+        fine = np.array([curve.spline(np.linspace(a, b, 401), order) for a, b in zip(curve.t[:-1], curve.t[1:], strict=True)])
+        assert (fine.min(axis=1) >= low - 1e-12).all() and (fine.max(axis=1) <= high + 1e-12).all()
+        size = np.abs(fine).max()
+        assert np.abs(fine.min(axis=1) - low).max() < 1e-4 * size and np.abs(fine.max(axis=1) - high).max() < 1e-4 * size
+
+    def test_bodies_are_no_nearer_than_the_bound(self, step: Plan, talos: rbd.Robot):
+        """Distances on a fine grid of a step of Talos, whose arms are near to its trunk; and it tells that nothing overlaps."""
+        curve, bodies = step.curve, BodyPairs.of(talos)
+        start, end = curve.t[20:60:6], curve.t[21:61:6]
+        least, found = _apart(curve, bodies, start, end), []
+        for a, b, most in zip(start, end, least, strict=True):
+            R, p = placements(talos, curve.at(np.linspace(a, b, 17))[0])
+            found.append(min((float(near.gap.min()) for *_, near in bodies.near(R, p, MEASURED)), default=MEASURED))
+            assert most <= found[-1]
+        assert min(found) < MEASURED and step.between.gaps[1] > 0.0
+
+    def test_a_joint_beyond_its_limit_between_two_knots_is_told(self, solo: rbd.Robot):
+        """Knots are inside, the cubic between them is not: by as much as its extreme."""
+        stand, t = solo.standing().q, np.linspace(0.0, 0.4, 5)
+        q = np.tile(stand, (5, 1))
+        q[2:4, 7] = high = float(solo.model.upperPositionLimit[7])
+        found = between(Curve.of(solo, t, q), np.array([stand]), None)
+        assert not found.holds and found.worst[0] == 0.2 and repr(found.names[0]) in found.worst[1]
+        s = np.linspace(0.2, 0.3, 2001)
+        assert found.beyond[0] == pytest.approx(Curve.of(solo, t, q).spline(s)[:, 6].max() - high, abs=1e-9 + 1e-6 * high)
