@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,10 +17,11 @@ from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import TorqueSchedule
 from rbd.control.torques import inverse_dynamics
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotMove, CannotPlan, InputError, NoSolution
 from rbd.errors.inputs import check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
+from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
@@ -35,8 +36,12 @@ from rbd.simulation.progress_bar import progress_of
 from rbd.statics.equilibrium import hold
 from rbd.workers import one_blas_thread
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
 RATES = (50.0, 100.0, 200.0)
-"""Knots a second that are tried in turn; the last alone where nothing stands for a time."""
+"""Knots a second that are tried in turn; the last where nothing stands for a time."""
 FRICTION_SHARE = 0.86
 """Share of the friction with which poses and forces are sought."""
 COM = 0.02
@@ -91,10 +96,15 @@ class Plan(Displayed):
     @property
     def friction_use(self) -> float:
         """Largest share of the friction that a force of more than 1 N needs at the ends of intervals."""
-        f, mu = self.intervals.forces, self.pushes.friction
-        local = each_times(self._axes, f)
-        normal = local[..., 2]
-        return float((np.hypot(local[..., 0], local[..., 1]) / np.maximum(mu * normal, 1e-9))[normal > 1.0].max(initial=0.0))
+        mu = self.pushes.friction
+        normal, tangential = self.parted
+        return float((tangential / np.maximum(mu * normal, 1e-9))[normal > 1.0].max(initial=0.0))
+
+    @lazy
+    def parted(self) -> tuple[Array, Array]:
+        """(normal, tangential) parts of forces at both ends of the intervals of its proof, shapes (2, m, k) [N]."""
+        x, y, n = np.moveaxis(each_times(self._axes, self.intervals.forces), -1, 0)
+        return n, np.hypot(x, y)
 
     @property
     def torque_use(self) -> float:
@@ -169,6 +179,10 @@ class Plan(Displayed):
         x = self.intervals
         t, tau = np.concatenate([x.start, x.end[-1:]]), np.concatenate([x.torques[0], x.torques[1, -1:]])
         return TorqueSchedule(t, tau)
+
+    def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
+        """Forces, what is used of limits, contacts and what is not proved over time; see `rbd.visual.plot_plan`."""
+        return drawing("plot_plan")(axes, self)
 
     def _time(self, t: float) -> float:
         x = as_float(t)
@@ -263,12 +277,12 @@ def plan(
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     costs = CentroidCosts(com=COM) if cost is None else cost
     supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
-    _check_rest(supports)
+    _check_rest(supports, limits)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
     found, failed = list[Plan](), None
     with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
         first, last = supports.keys[0][0], supports.keys[-1][0]
-        rates = RATES[-1:] if supports.flies else RATES
+        rates = RATES[-1:] if supports.flies else RATES[:-1]
         for i, rate in enumerate(rates):
             bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
             t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
@@ -281,17 +295,35 @@ def plan(
             found.append(made)
             if made.proved:
                 return made
-    raise _failure(supports, found, failed)
+    raise _failure(supports, found, failed, limits)
 
 
-def _check_rest(supports: PlannedContacts) -> None:
+def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
     """Refuse a first or last keyframe that cannot be held."""
+    robot = _limited(supports.robot, limits)
     for t, state in (supports.keys[0], supports.keys[-1]):
         if stands := supports.standing(t):
             try:
-                hold(State(state.robot, state.q), stands, margin=0.0)
+                hold(State(robot, state.q), stands, margin=0.0)
             except CannotMove as error:
                 raise _told(f"at rest at {t:g} s {error}", error, (t,), None) from error
+
+
+def _limited(robot: Robot, limits: bool | float) -> Robot:
+    """The robot with a share of its torque limits; without any where they do not count."""
+    if limits is True:
+        return robot
+    share = float(limits) or np.inf
+    data = robot.motor_data
+    return robot.with_motors({
+        name: replace(data.get(name) or Motor(), limit=share * limit, torque_speed=_scaled(data.get(name), share))
+        for name, limit in zip(robot.actuated_names, robot.effort_limit, strict=True) if limit > 0.0
+    })  # fmt: skip
+
+
+def _scaled(motor: Motor | None, share: float) -> list[tuple[float, float]] | None:
+    line = motor and motor.torque_speed
+    return [(speed, share * torque) for speed, torque in line] if line and share < np.inf else None
 
 
 def _told(said: str, error: CannotMove, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
@@ -324,7 +356,7 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     )  # fmt: skip
 
 
-def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None) -> CannotPlan:
+def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
     """Why there is no plan: the instant at which most is missing, and the limits that contradict each other there."""
     if not found:
         return CannotPlan(f"no motion of the centre of mass is possible over these contacts: {failed}", t=())
@@ -337,7 +369,8 @@ def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | 
     worst = int(bad[np.argmax((x.missing[:, bad].max(axis=0)) + np.maximum(-x.slack[:, bad].min(axis=0), 0.0))])
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])
-    state, stands = best.state(t), best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
+    stands = best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
+    state = best.state(t).on(_limited(best.robot, limits))
     spans = f"{times[0]:.2f} s" if len(times) == 1 else f"{len(times)} instants from {times[0]:.2f} to {times[-1]:.2f} s"
     try:
         a = best.acceleration(t)

@@ -16,7 +16,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.sampled_motion import interpolated_q
 from rbd.motion.frame_terms import placements
 from rbd.motion.reference_motion import minimum_jerk
-from rbd.motion.repair.feet import Feet, blurred
+from rbd.motion.repair.feet import Feet, blend, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
 from rbd.motion.repair.posture import Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
@@ -34,6 +34,8 @@ LOADED, UNLOADS = 0.25, 0.15
 """Contacts press with this share of what they carry of the weight on average; and how long they take to come to that [s]."""
 SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
+ENDS = 0.1
+"""Within this the first and the last poses come to those of keyframes, which least squares do not meet exactly [s]."""
 NEAR, KEPT = 20.0, 1e4
 """Poses of keyframes, and of those at the ends, weigh so much more than those of other knots."""
 
@@ -171,8 +173,12 @@ class Knots:
             if stiff == 1.0 and last < SETTLED:
                 break
         assert plan is not None
-        q = on_curve
-        q[[0, -1]] = [self.supports.keys[i][1].q for i in (0, -1)]  # from which they are off by what the least squares leave
+        q, numbers = on_curve, reference.index[k]
+        q[:, numbers] = q[:, numbers].clip(low[k], high[k])  # beyond which they are by what the least squares leave
+        for end, frames in ((0, range(len(q))), (-1, range(len(q) - 1, -1, -1))):  # the keyframes at the ends are met exactly
+            off = pin.difference(robot.model, q[end], self.supports.keys[end][1].q)
+            for i, share in zip(frames, 1.0 - blend(np.arange(0.0, ENDS, self.dt) / ENDS), strict=False):
+                q[i] = pin.integrate(robot.model, q[i], share * off)
         return q, plan
 
     @lazy
