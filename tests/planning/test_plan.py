@@ -314,3 +314,28 @@ class TestBetweenKnots:
         assert not found.holds and found.worst[0] == 0.2 and repr(found.names[0]) in found.worst[1]
         s = np.linspace(0.2, 0.3, 2001)
         assert found.beyond[0] == pytest.approx(Curve.of(solo, t, q).spline(s)[:, 6].max() - high, abs=1e-9 + 1e-6 * high)
+
+
+def test_onto_a_box_with_a_hand_on_a_rail(talos: rbd.Robot, exhaustive: bool):
+    """20 cm up, with a hand that carries on the way; followed to the end without a violated step."""
+    stand = talos.standing()
+    hand_at = stand.frame("gripper_left_base_link").X_WF.translation
+    place = hand_at + [0.15, 0.02, -0.03]
+    terrain = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), ((0.25, -1.0, 0.0), (1.5, 1.0, 0.2)))
+    low, high = place - [0.07, 0.07, 0.05], place + [0.45, 0.06, 0.0]
+    rail = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), (tuple(low), tuple(high)))
+    hand = rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rail)
+    right, left = ({foot: moved(talos, stand, foot, [0.4, 0.0, 0.2])} for foot in ("right_sole", "left_sole"))
+    keys = {0.0: stand, 1.0: {hand: place}, 2.8: {**right, hand: place}, 5.0: {**right, **left}}
+    stays = {"left_sole": [(0.0, 3.4), (4.4, 5.0)], "right_sole": [(0.0, 1.4), (2.4, 5.0)], hand: [(1.0, 3.2)]}
+    plan = rbd.plan(talos, keys, stays, ground=terrain, progress=False)
+    assert plan.proved and plan.forces(2.0)["hand"][0, 2] > 50.0
+    if not exhaustive:
+        return
+    controller = rbd.control.follow(plan)
+    run = rbd.simulate(
+        plan.state(0.0), [*talos.feet(friction=0.6, on=terrain), hand], duration=5.2, step=2e-3, controller=controller,
+        progress=False,
+    )  # fmt: skip
+    assert controller.log.violations == 0
+    assert run.com[-1] == pytest.approx(plan.state(5.0).com, abs=1e-4)
