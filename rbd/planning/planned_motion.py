@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,7 +19,7 @@ from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import TorqueSchedule
 from rbd.control.torques import inverse_dynamics
 from rbd.displayed import Displayed, drawing
-from rbd.errors import CannotMove, CannotPlan, InputError, NoSolution
+from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError, NoSolution
 from rbd.errors.inputs import check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.motors import Motor
@@ -377,7 +378,9 @@ def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | 
         if stands:
             state = project_velocity(state, stands)
             a = project_acceleration(state, a, stands).a
-        inverse_dynamics(state, a, stands, margin=0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DistantContactWarning)  # poses of what is impossible may not reach
+            inverse_dynamics(state, a, stands, margin=0.0)
     except CannotMove as error:
         return _told(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", error, times, best)
     except NoSolution as error:

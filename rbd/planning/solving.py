@@ -25,7 +25,7 @@ from rbd.planning.curve import Curve
 from rbd.planning.stays import PlannedContacts
 
 STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
-AIR = 6
+AIR = 8
 """How stiffly poses follow the plan's forces, from pass to pass; steps of Gauss-Newton in each; and
 how many more passes as the last but one there are where nothing stands for a time."""
 FOLLOWS = 0.6

@@ -339,3 +339,28 @@ def test_onto_a_box_with_a_hand_on_a_rail(talos: rbd.Robot, exhaustive: bool):
     )  # fmt: skip
     assert controller.log.violations == 0
     assert run.com[-1] == pytest.approx(plan.state(5.0).com, abs=1e-4)
+
+
+def test_over_a_gap(solo: rbd.Robot, exhaustive: bool):
+    """Leaps of 20 cm over a gap of 15 cm: the front feet; in an exhaustive run all, by three leaps."""
+    stand, leap = solo.standing(), 0.2
+    terrain = rbd.Terrain.boxes(((-1.0, -1.0, -0.5), (0.22, 1.0, 0.0)), ((0.37, -1.0, -0.5), (2.0, 1.0, 0.0)))
+    feet = [foot.name for foot in solo.feet()]
+    keys, stays, start, n = dict[float, Any]({0.0: stand}), dict[str, Any]({foot: [] for foot in feet}), 0.0, 1 + 2 * exhaustive
+
+    def over(by: float, up: float) -> dict[str, Any]:
+        return {"com": stand.com + [by, 0.0, up]}
+
+    for k in range(n):
+        t = 1.3 * k
+        keys |= {t + 0.3: over(leap * k, -0.06), t + 0.5: over(leap * k + 0.06, -0.02)}
+        landed = {foot: moved(solo, stand, foot, [leap * (k + 1), 0.0, 0.0]) for foot in feet}
+        keys |= {t + 0.8: over(leap * (k + 1) - 0.06, -0.02) | landed}
+        keys |= {t + 1.0: over(leap * (k + 1), -0.06), t + 1.3: over(leap * (k + 1), 0.0)}
+        for own in stays.values():
+            own.append((start, t + 0.5))
+        start = t + 0.8
+    plan = rbd.plan(solo, keys, {foot: [*own, (start, 1.3 * n)] for foot, own in stays.items()}, ground=terrain, progress=False)
+    assert plan.proved and plan.state(1.3 * n).com[0] == pytest.approx(stand.com[0] + leap * n, abs=1e-6)
+    front = [foot.points(plan.state(1.3 * n)).positions[0, 0] for foot in solo.feet() if foot.name.startswith("front")]
+    assert min(front) > 0.37
