@@ -27,9 +27,9 @@ from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
-from rbd.planning.between import Between, between
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.curve import Curve
+from rbd.planning.kept_limits import Between, between
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
@@ -234,7 +234,7 @@ def plan(
     second derivatives prove that nothing is exceeded between; intervals are halved until that is so.
 
     Where contacts do not resist every wrench (nothing touches, or two points), up to 0.2 % of the weight may be missing.
-    Limits of joints and speeds hold, and bodies are apart, at all times too (`rbd.planning.between`). Contacts do not slide.
+    Limits of joints and speeds hold, and bodies are apart, at all times (`rbd.planning.kept_limits`). Contacts do not slide.
 
     Args:
         robot: The robot, with a floating base.

@@ -36,8 +36,8 @@ SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 ENDS = 0.1
 """Within this the first and the last poses come to those of keyframes, which least squares do not meet exactly [s]."""
-NEAR, KEPT = 20.0, 1e4
-"""Poses of keyframes, and of those at the ends, weigh so much more than those of other knots."""
+NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e4
+"""Poses of keyframes, those of plans with flights, and those at the ends weigh so much more than those of other knots."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class Knots:
         reference = Reference.of(robot, self.q, self.dt, self.feet, self.torques)
         weight = np.tile(reference.weight, (len(self.t), 1))
         for t, _ in self.supports.keys:
-            weight[np.abs(self.t - t) < 0.5 * self.dt] *= NEAR
+            weight[np.abs(self.t - t) < 0.5 * self.dt] *= NEAR_FLIGHTS if self.supports.flies else NEAR
         weight[[0, 1, 2, -3, -2, -1]] = KEPT * reference.weight
         k = np.flatnonzero(reference.index >= 0)
         of_keys = np.array([state.q for _, state in self.supports.keys])[:, reference.index[k]]

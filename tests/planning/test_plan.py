@@ -13,10 +13,10 @@ from rbd.errors import CannotPlan, CannotReach, InputError
 from rbd.motion.frame_terms import FrameTerms, placements
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning import Plan
-from rbd.planning.between import MEASURED, _apart, between
 from rbd.planning.bounds import Bounds
 from rbd.planning.certificate import FALLS
 from rbd.planning.curve import Curve
+from rbd.planning.kept_limits import MEASURED, _apart, between
 from rbd.planning.stays import centre_of
 
 FEET = {"left_sole": True, "right_sole": True}
