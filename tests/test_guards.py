@@ -45,6 +45,7 @@ from rbd.visual import (
     plot_joint,
     plot_panels,
     plot_paths,
+    plot_plan,
     plot_pushes,
     plot_ranges,
     plot_region,
@@ -321,6 +322,10 @@ def use_whole_body(controller: Any) -> Any:
 TROT = rbd.control.Walk(SOLO_12, 1, gait="trot")
 TROT.accepted(rbd.control.AcceptedStep(TROT.state, 0.0, 1e-3, {}))
 TROT_LOG = TROT.log
+SMALL_PLAN = rbd.plan(
+    SOLO_12, {0.0: "standing", 0.2: "standing"}, {foot.name: True for foot in SOLO_12.feet()}, self_collision=False,
+    progress=False,
+)  # fmt: skip
 
 
 def use_walk(robot: Any, steps: Any = 1, *args: Any, **given: Any) -> Any:
@@ -1329,6 +1334,9 @@ CASES: dict[str, Case] = {
     ),
     "visual.plot_walk": Case(
         lambda **given: use_plots(plot_walk, **given), {"axes": Figure().subplots(3).tolist(), "plan": TROT.plan}, 10
+    ),
+    "visual.plot_plan": Case(
+        lambda **given: use_plots(plot_plan, **given), {"axes": Figure().subplots(3).tolist(), "plan": SMALL_PLAN}, 10
     ),
     "visual.plot_control": Case(
         lambda **given: use_plots(plot_control, **given), {"axes": Figure().subplots(2).tolist(), "log": TROT_LOG}, 10

@@ -132,6 +132,7 @@ class CentroidProgram(Displayed):
         end: Centre of mass at the last time, shape (3,) [m]; None: it is free.
         costs: See `CentroidCosts`.
         normals: Of what is under the points: their friction cones are about these, shape (n, k, 3); None: level.
+        least: Points press with this at least, shape (n, k) [N]; None: with nothing.
     """
 
     dt: float
@@ -150,6 +151,7 @@ class CentroidProgram(Displayed):
     end: Array | None = None
     costs: CentroidCosts = field(default_factory=CentroidCosts)
     normals: Array | None = None
+    least: Array | None = None
 
     def __repr__(self) -> str:
         n, k = self.touches.shape
@@ -221,7 +223,11 @@ class CentroidProgram(Displayed):
         A.block(rows[which], force[numbers[which, point]], unit * C[which, point][:, None])
         for each in (rows, rows + len(times)):
             A.put(each, excess, [0], [0], -1.0)
-        m = len(h) + 2 * len(times)
+        pressed = np.flatnonzero(self._least()[k, i] > 0.0)
+        up = np.tile([0.0, 0.0, 1.0], (E, 1)) if self.normals is None else self.normals[k, i]
+        loads = equal + len(h) + 2 * len(times) + np.arange(len(pressed))
+        A.block(loads, force[pressed], -up[pressed][:, None])
+        m = len(h) + 2 * len(times) + len(pressed)
         cone = equal + m + 3 * np.arange(E)
         if self.normals is None:
             for row, column, factor in ((0, 2, self.friction), (1, 0, 1.0), (2, 1, 1.0)):
@@ -232,7 +238,9 @@ class CentroidProgram(Displayed):
         R, t = self._wanted(k, i, force, shift, T)
         M = A.matrix(equal + m + 3 * E, turning + T)
         cones = [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E]
-        side = np.concatenate([b, np.zeros(3 * len(at_rest)), given.ravel(), L, -h, most, np.zeros(len(times) + 3 * E)])
+        least = self._least()[k, i][pressed] / unit
+        excesses = np.concatenate([-h, most, np.zeros(len(times)), -least])
+        side = np.concatenate([b, np.zeros(3 * len(at_rest)), given.ravel(), L, excesses, np.zeros(3 * E)])
         P, g = csc_matrix(triu(R.T @ R)), -(R.T @ t)
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100
@@ -276,6 +284,9 @@ class CentroidProgram(Displayed):
 
     def _limits(self) -> tuple[Array, Array, Array]:
         return self.limits or (np.zeros(0, int), np.zeros((0, *self.points.shape[1:])), np.zeros(0))
+
+    def _least(self) -> Array:
+        return np.zeros(self.touches.shape) if self.least is None else self.least
 
     def _stance(self) -> Array:
         return np.full(self.touches.shape, -1) if self.stance is None else self.stance

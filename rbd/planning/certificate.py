@@ -158,19 +158,13 @@ def examined(
     s = ((np.array([start, end]) - pushes.t[knot]) / (pushes.t[knot + 1] - pushes.t[knot]))[..., None, None]
     f = np.where(on[..., None], (1.0 - s) * pushes.forces[knot] + s * pushes.forces[knot + 1], 0.0)
     room = _room(f, axes, pushes.friction, on)
-    W = np.repeat(np.where(on, np.maximum(room.min(axis=0), 0.0) ** 2, 0.0), 3, axis=1)
     need = terms.wrench.reshape(2, m, 6)
     lacks = (need - each_times(G, f.reshape(2, m, -1))) / unit
     scaled = G / unit[:, None]
-    some = W.any(axis=1)
-    back = np.zeros((2, m, 3 * k, 6))
-    normal = scaled[:, some] * W[some][:, None] @ scaled[:, some].swapaxes(-1, -2)
-    size = np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
-    back[:, some] = W[some][..., None] * scaled[:, some].swapaxes(-1, -2) @ np.linalg.pinv(normal / size, rcond=RANK) / size
-    full = np.zeros(m, bool)
-    full[some] = (np.linalg.eigvalsh(normal / size)[..., 0] > RANK).all(axis=0)
+    both_ends = np.broadcast_to(room.min(axis=0), room.shape)
+    (own, _), (back, full) = (_back(scaled, np.where(on, np.maximum(x, 0.0) ** 2, 0.0)) for x in (room, both_ends))
     for _ in range(PROJECTIONS):
-        f = f + each_times(back, lacks).reshape(2, m, k, 3)
+        f = f + each_times(own, lacks).reshape(2, m, k, 3)
         if (_room(f, axes, pushes.friction, on) >= 0.0).all():
             break
         f = each_times(axes.swapaxes(-1, -2), project_cones(each_times(axes, f), WITHIN * pushes.friction))
@@ -185,6 +179,20 @@ def examined(
         start, end, on, f, tau, missing.max(axis=2), room, slack.min(axis=2),
         *_between(curve, pushes, start, end, on, f, slack.min(axis=0), back, full, rest, R, p, terms.com.reshape(2, m, 3)),
     )  # fmt: skip
+
+
+def _back(scaled: Array, weights: Array) -> tuple[Array, Array]:
+    """(W G^T (G W G^T)^-1, where that gives all wrenches, at both ends), shapes (2, m, 3 k, 6) and (m,).
+
+    Args:
+        scaled: G, shape (2, m, 6, 3 k).
+        weights: W of each point, shape (2, m, k).
+    """
+    W = np.repeat(weights, 3, axis=2)
+    normal = scaled * W[:, :, None] @ scaled.swapaxes(-1, -2)
+    size = np.maximum(np.trace(normal, axis1=-2, axis2=-1), 1e-300)[..., None, None]
+    back = W[..., None] * scaled.swapaxes(-1, -2) @ np.linalg.pinv(normal / size, rcond=RANK) / size
+    return np.asarray(back), np.asarray((np.linalg.eigvalsh(normal / size)[..., 0] > RANK).all(axis=0))
 
 
 def _room(f: Array, axes: Array, mu: Array, on: Array) -> Array:

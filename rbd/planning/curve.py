@@ -69,6 +69,20 @@ class Curve:
         a[:, 3:6] = each_times(E, ddx[:, 3:6]) + each_times(dE, dx[:, 3:6])
         return (q, *own_rates(self.robot, q, v, a))
 
+    def extremes(self, order: int) -> tuple[Array, Array]:
+        """(least, most) of coordinates (order 0) or of their rates (1) between two knots, shapes (n - 1, nv): exact."""
+        c, h = self.spline.c, np.diff(self.t)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = -c[1] / (3.0 * c[0])
+            off = np.sqrt(turn**2 - c[2] / (3.0 * c[0]))
+            straight = -c[2] / (2.0 * c[1])
+        stops = [turn] if order else [turn - off, turn + off, straight]
+        at = [0.0 * h, h, *(np.nan_to_num(s).clip(0.0, h) for s in stops)]  # where the next derivative is zero, if inside
+        values = np.array([
+            3.0 * c[0] * s**2 + 2.0 * c[1] * s + c[2] if order else ((c[0] * s + c[1]) * s + c[2]) * s + c[3] for s in at
+        ])  # fmt: skip
+        return values.min(axis=0), values.max(axis=0)
+
     def sizes(self, start: Array, end: Array) -> Array:
         """Largest derivatives of order 1, 2 and 3 from starts to ends, by Bernstein's form, shape (3, m, nv).
 

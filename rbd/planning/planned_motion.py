@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,16 +18,18 @@ from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import TorqueSchedule
 from rbd.control.torques import inverse_dynamics
-from rbd.displayed import Displayed
-from rbd.errors import CannotMove, CannotPlan, InputError, NoSolution
+from rbd.displayed import Displayed, drawing
+from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError, NoSolution
 from rbd.errors.inputs import check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
+from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.curve import Curve
+from rbd.planning.kept_limits import Between, between
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
@@ -34,8 +37,12 @@ from rbd.simulation.progress_bar import progress_of
 from rbd.statics.equilibrium import hold
 from rbd.workers import one_blas_thread
 
-RATES = (50.0, 100.0)
-"""Knots a second that are tried in turn."""
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+RATES = (50.0, 100.0, 200.0)
+"""Knots a second that are tried in turn; the last where nothing stands for a time."""
 FRICTION_SHARE = 0.86
 """Share of the friction with which poses and forces are sought."""
 COM = 0.02
@@ -54,6 +61,7 @@ class Plan(Displayed):
         curve: Cubics of the coordinates.
         pushes: Forces of the plan at its knots.
         intervals: What is known of each interval of time, the proof.
+        between: Limits of joints and of speeds, bodies apart, at all times.
         friction: Coulomb's coefficient of feet that are given by name.
         floor: What they stand on.
 
@@ -72,6 +80,7 @@ class Plan(Displayed):
     curve: Curve
     pushes: Pushes
     intervals: Intervals
+    between: Between
     friction: float
     floor: On
 
@@ -83,15 +92,20 @@ class Plan(Displayed):
     @property
     def proved(self) -> bool:
         """Whether every instant is proved to be possible."""
-        return bool(self.intervals.sure.all())
+        return bool(self.intervals.sure.all() and self.between.holds)
 
     @property
     def friction_use(self) -> float:
         """Largest share of the friction that a force of more than 1 N needs at the ends of intervals."""
-        f, mu = self.intervals.forces, self.pushes.friction
-        local = each_times(self._axes, f)
-        normal = local[..., 2]
-        return float((np.hypot(local[..., 0], local[..., 1]) / np.maximum(mu * normal, 1e-9))[normal > 1.0].max(initial=0.0))
+        mu = self.pushes.friction
+        normal, tangential = self.parted
+        return float((tangential / np.maximum(mu * normal, 1e-9))[normal > 1.0].max(initial=0.0))
+
+    @lazy
+    def parted(self) -> tuple[Array, Array]:
+        """(normal, tangential) parts of forces at both ends of the intervals of its proof, shapes (2, m, k) [N]."""
+        x, y, n = np.moveaxis(each_times(self._axes, self.intervals.forces), -1, 0)
+        return n, np.hypot(x, y)
 
     @property
     def torque_use(self) -> float:
@@ -167,6 +181,10 @@ class Plan(Displayed):
         t, tau = np.concatenate([x.start, x.end[-1:]]), np.concatenate([x.torques[0], x.torques[1, -1:]])
         return TorqueSchedule(t, tau)
 
+    def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
+        """Forces, what is used of limits, contacts and what is not proved over time; see `rbd.visual.plot_plan`."""
+        return drawing("plot_plan")(axes, self)
+
     def _time(self, t: float) -> float:
         x = as_float(t)
         if not self.curve.t[0] - 1e-9 <= x <= self.curve.t[-1] + 1e-9:
@@ -216,7 +234,7 @@ def plan(
     second derivatives prove that nothing is exceeded between; intervals are halved until that is so.
 
     Where contacts do not resist every wrench (nothing touches, or two points), up to 0.2 % of the weight may be missing.
-    Limits of joints and speeds hold at the knots, bodies are kept apart there. Contacts do not slide.
+    Limits of joints and speeds hold, and bodies are apart, at all times (`rbd.planning.kept_limits`). Contacts do not slide.
 
     Args:
         robot: The robot, with a floating base.
@@ -226,7 +244,7 @@ def plan(
             the first and the last, and passes near the others.
         contacts: {foot or contact: [(start, end), ...]}: when it stands [s], True for all the time. Where it stands the
             keyframes within that time say. Feet are given by name; other contacts as `rbd.PointContact(...)`,
-            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 10 or 20 ms apart.
+            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to 5 ms apart.
         friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
@@ -260,34 +278,53 @@ def plan(
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     costs = CentroidCosts(com=COM) if cost is None else cost
     supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
-    _check_rest(supports)
+    _check_rest(supports, limits)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
     found, failed = list[Plan](), None
     with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
-        for i, rate in enumerate(RATES):
-            first, last = supports.keys[0][0], supports.keys[-1][0]
+        first, last = supports.keys[0][0], supports.keys[-1][0]
+        rates = RATES[-1:] if supports.flies else RATES[:-1]
+        for i, rate in enumerate(rates):
             bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
             t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
             knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, torques, bodies, costs)
             try:
-                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(RATES)))
+                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(rates)))
             except NoSolution as error:
                 failed = error
                 break
             found.append(made)
             if made.proved:
                 return made
-    raise _failure(supports, found, failed)
+    raise _failure(supports, found, failed, limits)
 
 
-def _check_rest(supports: PlannedContacts) -> None:
+def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
     """Refuse a first or last keyframe that cannot be held."""
+    robot = _limited(supports.robot, limits)
     for t, state in (supports.keys[0], supports.keys[-1]):
         if stands := supports.standing(t):
             try:
-                hold(State(state.robot, state.q), stands, margin=0.0)
+                hold(State(robot, state.q), stands, margin=0.0)
             except CannotMove as error:
                 raise _told(f"at rest at {t:g} s {error}", error, (t,), None) from error
+
+
+def _limited(robot: Robot, limits: bool | float) -> Robot:
+    """The robot with a share of its torque limits; without any where they do not count."""
+    if limits is True:
+        return robot
+    share = float(limits) or np.inf
+    data = robot.motor_data
+    return robot.with_motors({
+        name: replace(data.get(name) or Motor(), limit=share * limit, torque_speed=_scaled(data.get(name), share))
+        for name, limit in zip(robot.actuated_names, robot.effort_limit, strict=True) if limit > 0.0
+    })  # fmt: skip
+
+
+def _scaled(motor: Motor | None, share: float) -> list[tuple[float, float]] | None:
+    line = motor and motor.torque_speed
+    return [(speed, share * torque) for speed, torque in line] if line and share < np.inf else None
 
 
 def _told(said: str, error: CannotMove, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
@@ -313,27 +350,37 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
         knots.coefficients[group],
     )  # fmt: skip
     curve = Curve.of(supports.robot, knots.t, q)
-    return Plan(supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), friction, ground)
+    keys = np.array([state.q for _, state in supports.keys])
+    return Plan(
+        supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), between(curve, keys, knots.bodies),
+        friction, ground,
+    )  # fmt: skip
 
 
-def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None) -> CannotPlan:
+def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
     """Why there is no plan: the instant at which most is missing, and the limits that contradict each other there."""
     if not found:
         return CannotPlan(f"no motion of the centre of mass is possible over these contacts: {failed}", t=())
     best = max(found, key=lambda plan: float((plan.intervals.end - plan.intervals.start)[plan.intervals.sure].sum()))
     x = best.intervals
     bad = np.flatnonzero(~x.sure)
+    if not len(bad):
+        t, said = best.between.worst
+        return CannotPlan(f"no plan was found: at {t:.3f} s {said}; give keyframes between, or more time.", t=(t,), plan=best)
     worst = int(bad[np.argmax((x.missing[:, bad].max(axis=0)) + np.maximum(-x.slack[:, bad].min(axis=0), 0.0))])
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])
-    state, stands = best.state(t), best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
+    stands = best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
+    state = best.state(t).on(_limited(best.robot, limits))
     spans = f"{times[0]:.2f} s" if len(times) == 1 else f"{len(times)} instants from {times[0]:.2f} to {times[-1]:.2f} s"
     try:
         a = best.acceleration(t)
         if stands:
             state = project_velocity(state, stands)
             a = project_acceleration(state, a, stands).a
-        inverse_dynamics(state, a, stands, margin=0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DistantContactWarning)  # poses of what is impossible may not reach
+            inverse_dynamics(state, a, stands, margin=0.0)
     except CannotMove as error:
         return _told(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", error, times, best)
     except NoSolution as error:

@@ -6,27 +6,38 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
 from rbd.centroid.program import inner_corners
 from rbd.constraints.contact import Contact
-from rbd.errors import InputError
+from rbd.errors import InputError, NoSolution
 from rbd.model.sampled_motion import interpolated_q
+from rbd.motion.frame_terms import placements
 from rbd.motion.reference_motion import minimum_jerk
-from rbd.motion.repair.feet import Feet, blurred
+from rbd.motion.repair.feet import Feet, blend, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
 from rbd.motion.repair.posture import Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
+from rbd.planning.curve import Curve
 from rbd.planning.stays import PlannedContacts
 
 STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
-"""How stiffly poses follow the plan's forces, from pass to pass; steps of Gauss-Newton in each."""
+AIR = 8
+"""How stiffly poses follow the plan's forces, from pass to pass; steps of Gauss-Newton in each; and
+how many more passes as the last but one there are where nothing stands for a time."""
+FOLLOWS = 0.6
+"""From pass to pass the plan's centre of mass stays nearer to that of the poses, by this: legs do not become longer."""
+LOADED, UNLOADS = 0.25, 0.15
+"""Contacts press with this share of what they carry of the weight on average; and how long they take to come to that [s]."""
 SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
-NEAR, KEPT = 200.0, 1e4
-"""Poses of keyframes, and of those at the ends, weigh so much more than those of other knots."""
+ENDS = 0.1
+"""Within this the first and the last poses come to those of keyframes, which least squares do not meet exactly [s]."""
+NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e4
+"""Poses of keyframes, those of plans with flights, and those at the ends weigh so much more than those of other knots."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +89,19 @@ class Knots:
         return np.asarray(on[:-2] & on[1:-1] & on[2:])
 
     @lazy
+    def least(self) -> Array:
+        """What points press with at least, shape (n, k) [N]: contacts with `LOADED` of their share of the weight."""
+        from scipy.ndimage import distance_transform_edt
+
+        idle = np.pad(~self.carries, ((1, 1), (0, 0)), mode="edge")
+        since = np.stack([distance_transform_edt(~x) if x.any() else np.full(len(x), np.inf) for x in idle.T], axis=1)[1:-1]
+        ramp = np.minimum(since * self.dt / UNLOADS, 1.0)
+        robot, corners = self.supports.robot, np.bincount(self.group)
+        weight = robot.mass * float(np.linalg.norm(robot.gravity))
+        share = LOADED * weight * ramp / (np.maximum(self.on.sum(axis=1), 1)[:, None] * corners)
+        return np.asarray(share[:, self.group])
+
+    @lazy
     def group(self) -> Array:
         """Which contact each point at which forces act belongs to, shape (k,)."""
         corners = [np.asarray(c.corners) for c in self.supports.contacts]
@@ -103,7 +127,7 @@ class Knots:
         reference = Reference.of(robot, self.q, self.dt, self.feet, self.torques)
         weight = np.tile(reference.weight, (len(self.t), 1))
         for t, _ in self.supports.keys:
-            weight[np.abs(self.t - t) < 0.5 * self.dt] *= NEAR
+            weight[np.abs(self.t - t) < 0.5 * self.dt] *= NEAR_FLIGHTS if self.supports.flies else NEAR
         weight[[0, 1, 2, -3, -2, -1]] = KEPT * reference.weight
         k = np.flatnonzero(reference.index >= 0)
         of_keys = np.array([state.q for _, state in self.supports.keys])[:, reference.index[k]]
@@ -112,27 +136,49 @@ class Knots:
         reference = replace(reference, q=self.q, weight=weight, low=low, high=high)
         sweep, plan, q = Sweep.of(robot, self.q, self.dt), None, self.q
         mu = self.friction * float(self.coefficients.min())
-        owed = np.zeros((len(self.t), 6))
+        R_at, p_at = R, p
+        least: Array | None = self.least
+        owed, bent = np.zeros((2, len(self.t), 6))
         begins, ends = (sweep.com[0], np.zeros(3), np.zeros(3)), sweep.com[-1]
         com, moment = sweep.com, blurred(sweep.moment, 0.03 / self.dt)
-        for i, (stiff, turns) in enumerate(zip(STIFFNESS, TURNS, strict=True)):
+        more = AIR * self.supports.flies
+        passes = list(zip(STIFFNESS, TURNS, strict=True))
+        passes[-1:-1] = more * passes[-2:-1]
+        for i, (stiff, turns) in enumerate(passes):
+            nearer = FOLLOWS ** max(i - 1, 0)
             limits = None if plan is None else torque_rows(reference, self.feet, sweep, plan, self.places, group)
+            costs = replace(self.costs, com=nearer * self.costs.com, momentum=nearer * self.costs.momentum)
             program = CentroidProgram(
                 self.dt, robot.mass, robot.gravity, places, touches, mu, com, moment, None, None,
-                (bool(self.on[0].any()), bool(self.on[-1].any())), limits, begins, ends, normals=normals,
-                costs=self.costs,
+                (bool(self.on[0].any()), bool(self.on[-1].any())), limits, begins, ends, costs, normals, least,
             )  # fmt: skip
-            plan = program.solve(plan)
-            goals = Goals(R, p, free, plan.com, wrenches_on(plan, places, group, p), owed=owed)
+            try:
+                plan = program.solve(plan)
+            except NoSolution:
+                if least is None:
+                    raise
+                least, program = None, replace(program, least=None)  # some have to press with less
+                plan = program.solve(plan)
+            goals = Goals(R_at, p_at, free, plan.com, wrenches_on(plan, places, group, p), owed=owed + bent)
             q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, stiff)
-            owed = owed + (stiff == 1.0) * left.need[:, :6]
             sweep = Sweep.of(robot, q, self.dt)
+            on_curve = _through(sweep)
+            bent = _bent(sweep, on_curve, self.t)
+            now, then = self.feet.at(sweep.R, sweep.p), self.feet.at(*placements(robot, on_curve))
+            R_at, p_at = now.R @ then.R.swapaxes(-1, -2) @ R, p + now.p - then.p
+            owed = owed + (stiff == 1.0) * (left.need[:, :6] + bent)
+            owed[[0, 1, 2, -3, -2, -1]] = 0.0
             com, moment = sweep.com, 0.5 * (plan.moment + sweep.moment)
-            done((i + 1.0) / len(TURNS))
+            done((i + 1.0) / len(passes))
             if stiff == 1.0 and last < SETTLED:
                 break
         assert plan is not None
-        q[[0, -1]] = [self.supports.keys[i][1].q for i in (0, -1)]  # from which they are off by what the least squares leave
+        q, numbers = on_curve, reference.index[k]
+        q[:, numbers] = q[:, numbers].clip(low[k], high[k])  # beyond which they are by what the least squares leave
+        for end, frames in ((0, range(len(q))), (-1, range(len(q) - 1, -1, -1))):  # the keyframes at the ends are met exactly
+            off = pin.difference(robot.model, q[end], self.supports.keys[end][1].q)
+            for i, share in zip(frames, 1.0 - blend(np.arange(0.0, ENDS, self.dt) / ENDS), strict=False):
+                q[i] = pin.integrate(robot.model, q[i], share * off)
         return q, plan
 
     @lazy
@@ -146,8 +192,25 @@ class Knots:
         out = np.tile([0.0, 0.0, 1.0], (len(self.t), len(self.supports.contacts), 1))
         for f, own in enumerate(self.supports.stays):
             for s in own:
-                out[[s.holds(x) for x in self.t], f] = s.X.rotation[:, 2]
+                out[[s.holds(x) for x in self.t], f] = s.normal
         return out
+
+
+def _through(c: Sweep) -> Array:
+    """Where the cubic B-spline with control points c is at knots, shape (n, nq); its rates there are those of c."""
+    model = c.robot.model
+    q = np.array([pin.integrate(model, x, c.dt**2 / 6.0 * a) for x, a in zip(c.q, c.a, strict=True)])
+    q[[0, -1]] = c.q[[0, -1]]
+    return q
+
+
+def _bent(c: Sweep, q: Array, t: Array) -> Array:
+    """What the base needs more at knots along the cubic spline than at its control points, shape (n, 6)."""
+    model, data = c.robot.model, c.robot.model.createData()
+    moves = zip(*Curve.of(c.robot, t, q).at(t), c.q, c.v, c.a, strict=True)
+    out = np.array([(pin.rnea(model, data, *x[:3]) - pin.rnea(model, data, *x[3:]))[:6].copy() for x in moves])
+    out[[0, 1, 2, -3, -2, -1]] = 0.0  # at rest
+    return out
 
 
 def _coefficient(contact: Contact) -> float:

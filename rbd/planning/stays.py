@@ -14,7 +14,7 @@ from rbd.arrays import Array, as_float, lazy
 from rbd.constraints.contact import Contact
 from rbd.constraints.surface import On
 from rbd.control.walking.footsteps import centre_of
-from rbd.control.walking.swings import Swing, bump
+from rbd.control.walking.swings import Swing
 from rbd.errors import CannotReach, InputError
 from rbd.errors.inputs import check_kind, check_known
 from rbd.mechanism.pose_search import find_pose
@@ -30,6 +30,8 @@ CLEARS, LIFT = 0.03, 0.06
 """A contact on its way is raised by this over the higher of both places, or by this share of h if that is less [m]."""
 UPWARD = 0.5
 """The centre of mass of a keyframe is over the middle of those contacts whose normal has a larger upward part."""
+LAG = 0.6
+"""In flight, contacts lag behind the centre of mass by about this share of its rise, where they leave and where they land."""
 LEAVES = 0.35
 """Share of its way through the air in which a contact is led on its way with all weight."""
 
@@ -42,11 +44,13 @@ class Stay:
         start: First instant [s].
         end: Last instant [s].
         X: Pose of its centre.
+        normal: Of what it stands on, shape (3,).
     """
 
     start: float
     end: float
     X: pin.SE3
+    normal: Array
 
     def holds(self, t: float) -> bool:
         """Whether it stands at a time, both ends counted."""
@@ -93,6 +97,12 @@ class PlannedContacts:
         """Which contacts stand at times, shape (n, contacts)."""
         return np.array([[any(s.holds(x) for s in own) for own in self.stays] for x in t])
 
+    @property
+    def flies(self) -> bool:
+        """Whether nothing stands for a time."""
+        ends = [s.end for own in self.stays for s in own if s.end < self.keys[-1][0] - 1e-9]
+        return any(not any(s.start - 1e-9 <= t + 1e-6 <= s.end + 1e-9 for own in self.stays for s in own) for t in ends)
+
     def standing(self, t: float) -> tuple[Contact, ...]:
         """Those that stand at a time."""
         return tuple(c for c, own in zip(self.contacts, self.stays, strict=True) if any(s.holds(t) for s in own))
@@ -122,7 +132,8 @@ class PlannedContacts:
         start = max((s.end for own in self.stays for s in own if s.end < t), default=t)
         end = min((s.start for own in self.stays for s in own if s.start > t), default=t)
         T = max(end - start, 1e-9)
-        return float(np.linalg.norm(self.robot.gravity) * T**2 / 8.0 * bump(t - start, T)[0])
+        y = 4.0 * (t - start) * (end - t) / T**2  # of the centre of mass, whose speed they do not have where they leave
+        return float(np.linalg.norm(self.robot.gravity) * T**2 / 8.0 * (1.0 + LAG) * y**2 / (y + LAG))
 
     def paths(self, t: Array) -> tuple[Array, Array, Array]:
         """(R, p, free) of contacts' axes at times: shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F), 0 where they stand."""
@@ -174,8 +185,8 @@ def planned_contacts(
         stands, earlier = [known[i] for i, _ in there], [x for x in states if x < t]
         states[t] = _pose(robot, t, by_time[t], placed, stands, feet, ground, states[max(earlier)] if earlier else None)
         for i, k in there:
-            _check_touch(known[i], states[t], t)
-            stays[i][k] = stays[i][k] or Stay(*spans[i][k], centre_of(states[t], known[i]))
+            normal = _touched(known[i], states[t], t)
+            stays[i][k] = stays[i][k] or Stay(*spans[i][k], centre_of(states[t], known[i]), normal)
     keys = [(t, states[t]) for t in times]
     for contact, own, each in zip(known, stays, spans, strict=True):
         for stay, (a, b) in zip(own, each, strict=True):
@@ -248,11 +259,11 @@ def _pose(
     return found
 
 
-def _check_touch(contact: Contact, state: State, t: float) -> None:
-    """Refuse a contact that floats or is inside its surface."""
+def _touched(contact: Contact, state: State, t: float) -> Array:
+    """Normal of what a contact stands on, shape (3,); one that floats or is inside its surface is refused."""
     points = contact.points(state)
     if points is None:
-        return
+        return np.asarray(centre_of(state, contact).rotation[:, 2])
     gap = np.asarray(points.gaps)
     worst = float(gap[np.abs(gap).argmax()]) if len(gap) else 0.0
     floats = contact.on is not None and np.abs(gap).min(initial=np.inf if len(gap) else 0.0) >= OFF_M
@@ -262,6 +273,7 @@ def _check_touch(contact: Contact, state: State, t: float) -> None:
             f"{contact.name!r:.80} is to stand at {t:g} s, and the keyframe has it {1e3 * abs(worst):.1f} mm {where} its "
             "surface; give a pose of rbd.find_pose, or its targets as the keyframe."
         )
+    return np.asarray(points.axes.reshape(-1, 3, 3)[0, :, 2])
 
 
 def _off(contact: Contact, stay: Stay, state: State, t: float) -> float:

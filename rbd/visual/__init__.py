@@ -3,6 +3,7 @@
 from functools import partial as _partial
 
 from rbd.modules import submodule as _submodule
+from rbd.visual.figures.plan_plots import plot_plan
 from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import axes_or_new as axes_or_new, plot_ranges
@@ -52,6 +53,7 @@ __all__ = [
     "plot_mode",
     "plot_panels",
     "plot_paths",
+    "plot_plan",
     "plot_pushes",
     "plot_ranges",
     "plot_region",

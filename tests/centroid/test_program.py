@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -163,3 +165,13 @@ def test_a_turn_that_costs_is_small() -> None:
         plan = solved(CentroidProgram(**(vars(base) | {"start": (com[0], np.zeros(3), np.zeros(3))})))
         sizes.append(np.abs(np.cumsum(DT * plan.moment, axis=0)).max())
     assert sizes[1] < 0.1 * sizes[0]
+
+
+def test_a_load_that_is_asked_for_is_carried() -> None:
+    """Over the front edge two corners of the sole carry all; with a least load of the others the body is moved back by it."""
+    least = np.zeros((N, 4))
+    least[:, SOLE[:, 0] < 0.0] = share = 0.1 * MASS * G
+    plan = solved(replace(program(at(SOLE[:, 0].max())), rests=(True, True), least=least))
+    assert (plan.forces[..., 2] >= least - 1e-5 * MASS * G).all()
+    back = SOLE[:, 0].max() - (2.0 * share / (MASS * G)) * np.ptp(SOLE[:, 0])
+    assert (plan.com[[0, -1], 0] <= back + 1e-3).all()

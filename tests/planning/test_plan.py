@@ -11,10 +11,12 @@ import pytest
 import rbd
 from rbd.errors import CannotPlan, CannotReach, InputError
 from rbd.motion.frame_terms import FrameTerms, placements
+from rbd.motion.self_collision import BodyPairs
 from rbd.planning import Plan
 from rbd.planning.bounds import Bounds
 from rbd.planning.certificate import FALLS
 from rbd.planning.curve import Curve
+from rbd.planning.kept_limits import MEASURED, _apart, between
 from rbd.planning.stays import centre_of
 
 FEET = {"left_sole": True, "right_sole": True}
@@ -68,7 +70,46 @@ def test_keyframes_are_met_at_rest(squat: Plan, talos: rbd.Robot):
     assert squat.missing < 1e-9 and squat.drift < 1e-3 and 0.0 < squat.torque_use < 1.0 and squat.friction_use < 1.0
 
 
-@pytest.mark.parametrize("which", ["squat", "step"])
+@pytest.fixture(scope="module")
+def lifted(solo: rbd.Robot) -> Plan:
+    stand, feet = solo.standing(), {foot.name: True for foot in solo.feet()}
+    keys = {0.0: stand, 2.0: {"front_left": moved(solo, stand, "front_left", [0.05, 0.0, 0.0])}}
+    return rbd.plan(solo, keys, feet | {"front_left": [(0.0, 0.5), (1.0, 2.0)]}, progress=False)
+
+
+@pytest.fixture(scope="module")
+def hop(solo: rbd.Robot) -> Plan:
+    """Nothing stands from 0.4 to 0.7 s."""
+    stand = solo.standing()
+    low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.06, 0.02))
+    keys = {0.0: stand, 0.25: low, 0.4: off, 0.7: off, 0.85: low, 1.1: stand}
+    return rbd.plan(solo, keys, {foot.name: [(0.0, 0.4), (0.7, 1.1)] for foot in solo.feet()}, progress=False)
+
+
+def test_a_hop_is_a_throw(hop: Plan, solo: rbd.Robot):
+    """The centre of mass rises by g T^2 / 8 = 11 cm on a parabola, without angular momentum, as far as `missing` allows."""
+    assert hop.proved and 0.0 < hop.missing < FALLS
+    t, g = np.linspace(0.0, 0.3, 31), 9.81
+    states = [hop.state(0.4 + x) for x in t]
+    z = np.array([state.com[2] for state in states])
+    assert z.max() - z[0] == pytest.approx(g * 0.3**2 / 8.0, abs=0.5 * FALLS * g * 0.15**2 + 1e-5)
+    speed = float((states[0].centroidal()[0] @ states[0].v)[2] / solo.mass)
+    assert (np.abs(z - z[0] - speed * t + 0.5 * g * t**2) <= 0.5 * hop.missing * g * t**2 + 1e-12).all()
+    turning = np.array([(state.centroidal()[0] @ state.v)[3:] for state in states])
+    assert (np.linalg.norm(turning - turning[0], axis=1) <= np.sqrt(3.0) * hop.missing * 0.3 * solo.mass * g * t + 1e-12).all()
+    assert not hop.forces(0.55)
+
+
+def test_point_feet_push_within_cones_about_the_grounds_normal(lifted: Plan):
+    """Not about an axis of their links; and the three that carry keep a part of their share of the weight."""
+    weight = lifted.robot.mass * 9.81
+    for t in np.linspace(0.01, 1.99, 60):
+        each = np.concatenate(list(lifted.forces(t).values()))
+        assert (np.hypot(each[:, 0], each[:, 1]) <= 0.6 * each[:, 2]).all()
+    assert min(f[0, 2] for f in lifted.forces(0.75).values()) > 0.2 * weight / 3.0
+
+
+@pytest.mark.parametrize("which", ["squat", "step", "lifted"])
 def test_every_instant_is_possible(which: str, request: pytest.FixtureRequest, rng: np.random.Generator):
     """Of instants that are no ends of intervals, by other forces."""
     plan = request.getfixturevalue(which)
@@ -127,12 +168,13 @@ def test_rates_of_a_curve_are_those_of_its_poses(talos: rbd.Robot, step: Plan):
     assert ((v1 - v0) / (2.0 * d))[inner] == pytest.approx(a[inner], abs=1e-5)
 
 
-@pytest.mark.parametrize("which", ["squat", "step"])
+@pytest.mark.parametrize("which", ["squat", "step", "lifted", "hop"])
 def test_torques_alone_hold_the_feet(which: str, request: pytest.FixtureRequest):
     """Without feedback: feet move by less than 0.1 mm in the first half second."""
     plan = request.getfixturevalue(which)
     contacts = plan.contacts.standing(0.0)
-    run = rbd.simulate(plan.state(0.0), contacts, duration=0.5, step=1e-3, controller=plan.schedule, progress=False)
+    duration = 0.39 if which == "hop" else 0.49 if which == "lifted" else 0.5  # then feet leave
+    run = rbd.simulate(plan.state(0.0), contacts, duration=duration, step=1e-3, controller=plan.schedule, progress=False)
     for contact in contacts:
         off = centre_of(run.state(-1), contact).translation - centre_of(plan.state(0.0), contact).translation
         assert np.linalg.norm(off) < 1e-4
@@ -231,3 +273,94 @@ class TestRefused:
         arm = rbd.load_robot("panda", root="fixed")
         with pytest.raises(InputError, match="no floating base"):
             rbd.plan(arm, {0.0: arm.at().q, 1.0: arm.at().q}, {}, progress=False)
+
+
+class TestBetweenKnots:
+    """Limits of joints and of speeds, and bodies apart, at all times."""
+
+    @staticmethod
+    def curve(robot: rbd.Robot, rng: np.random.Generator) -> Curve:
+        """Through random poses."""
+        t, stand = np.linspace(0.0, 0.4, 9), robot.standing().q
+        return Curve.of(robot, t, np.array([pin.integrate(robot.model, stand, rng.normal(0.0, 0.15, robot.nv)) for _ in t]))
+
+    @pytest.mark.parametrize("order", [0, 1])
+    def test_extremes_of_cubics_are_exact(self, solo: rbd.Robot, rng: np.random.Generator, order: int):
+        """Nothing on a fine grid is outside, and the grid comes near to both."""
+        curve = self.curve(solo, rng)
+        low, high = curve.extremes(order)
+        fine = np.array([curve.spline(np.linspace(a, b, 401), order) for a, b in zip(curve.t[:-1], curve.t[1:], strict=True)])
+        assert (fine.min(axis=1) >= low - 1e-12).all() and (fine.max(axis=1) <= high + 1e-12).all()
+        size = np.abs(fine).max()
+        assert np.abs(fine.min(axis=1) - low).max() < 1e-4 * size and np.abs(fine.max(axis=1) - high).max() < 1e-4 * size
+
+    def test_bodies_are_no_nearer_than_the_bound(self, step: Plan, talos: rbd.Robot):
+        """Distances on a fine grid of a step of Talos, whose arms are near to its trunk; and it tells that nothing overlaps."""
+        curve, bodies = step.curve, BodyPairs.of(talos)
+        start, end = curve.t[20:60:6], curve.t[21:61:6]
+        least, found = _apart(curve, bodies, start, end), []
+        for a, b, most in zip(start, end, least, strict=True):
+            R, p = placements(talos, curve.at(np.linspace(a, b, 17))[0])
+            found.append(min((float(near.gap.min()) for *_, near in bodies.near(R, p, MEASURED)), default=MEASURED))
+            assert most <= found[-1]
+        assert min(found) < MEASURED and step.between.gaps[1] > 0.0
+
+    def test_a_joint_beyond_its_limit_between_two_knots_is_told(self, solo: rbd.Robot):
+        """Knots are inside, the cubic between them is not: by as much as its extreme."""
+        stand, t = solo.standing().q, np.linspace(0.0, 0.4, 5)
+        q = np.tile(stand, (5, 1))
+        q[2:4, 7] = high = float(solo.model.upperPositionLimit[7])
+        found = between(Curve.of(solo, t, q), np.array([stand]), None)
+        assert not found.holds and found.worst[0] == 0.2 and repr(found.names[0]) in found.worst[1]
+        s = np.linspace(0.2, 0.3, 2001)
+        assert found.beyond[0] == pytest.approx(Curve.of(solo, t, q).spline(s)[:, 6].max() - high, abs=1e-9 + 1e-6 * high)
+
+
+def test_onto_a_box_with_a_hand_on_a_rail(talos: rbd.Robot, exhaustive: bool):
+    """20 cm up, with a hand that carries on the way; followed to the end without a violated step."""
+    stand = talos.standing()
+    hand_at = stand.frame("gripper_left_base_link").X_WF.translation
+    place = hand_at + [0.15, 0.02, -0.03]
+    terrain = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), ((0.25, -1.0, 0.0), (1.5, 1.0, 0.2)))
+    low, high = place - [0.07, 0.07, 0.05], place + [0.45, 0.06, 0.0]
+    rail = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), (tuple(low), tuple(high)))
+    hand = rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rail)
+    right, left = ({foot: moved(talos, stand, foot, [0.4, 0.0, 0.2])} for foot in ("right_sole", "left_sole"))
+    keys = {0.0: stand, 1.0: {hand: place}, 2.8: {**right, hand: place}, 5.0: {**right, **left}}
+    stays = {"left_sole": [(0.0, 3.4), (4.4, 5.0)], "right_sole": [(0.0, 1.4), (2.4, 5.0)], hand: [(1.0, 3.2)]}
+    plan = rbd.plan(talos, keys, stays, ground=terrain, progress=False)
+    assert plan.proved and plan.forces(2.0)["hand"][0, 2] > 50.0
+    if not exhaustive:
+        return
+    controller = rbd.control.follow(plan)
+    run = rbd.simulate(
+        plan.state(0.0), [*talos.feet(friction=0.6, on=terrain), hand], duration=5.2, step=2e-3, controller=controller,
+        progress=False,
+    )  # fmt: skip
+    assert controller.log.violations == 0
+    assert run.com[-1] == pytest.approx(plan.state(5.0).com, abs=1e-4)
+
+
+def test_over_a_gap(solo: rbd.Robot, exhaustive: bool):
+    """Leaps of 20 cm over a gap of 15 cm: the front feet; in an exhaustive run all, by three leaps."""
+    stand, leap = solo.standing(), 0.2
+    terrain = rbd.Terrain.boxes(((-1.0, -1.0, -0.5), (0.22, 1.0, 0.0)), ((0.37, -1.0, -0.5), (2.0, 1.0, 0.0)))
+    feet = [foot.name for foot in solo.feet()]
+    keys, stays, start, n = dict[float, Any]({0.0: stand}), dict[str, Any]({foot: [] for foot in feet}), 0.0, 1 + 2 * exhaustive
+
+    def over(by: float, up: float) -> dict[str, Any]:
+        return {"com": stand.com + [by, 0.0, up]}
+
+    for k in range(n):
+        t = 1.3 * k
+        keys |= {t + 0.3: over(leap * k, -0.06), t + 0.5: over(leap * k + 0.06, -0.02)}
+        landed = {foot: moved(solo, stand, foot, [leap * (k + 1), 0.0, 0.0]) for foot in feet}
+        keys |= {t + 0.8: over(leap * (k + 1) - 0.06, -0.02) | landed}
+        keys |= {t + 1.0: over(leap * (k + 1), -0.06), t + 1.3: over(leap * (k + 1), 0.0)}
+        for own in stays.values():
+            own.append((start, t + 0.5))
+        start = t + 0.8
+    plan = rbd.plan(solo, keys, {foot: [*own, (start, 1.3 * n)] for foot, own in stays.items()}, ground=terrain, progress=False)
+    assert plan.proved and plan.state(1.3 * n).com[0] == pytest.approx(stand.com[0] + leap * n, abs=1e-6)
+    front = [foot.points(plan.state(1.3 * n)).positions[0, 0] for foot in solo.feet() if foot.name.startswith("front")]
+    assert min(front) > 0.37

@@ -104,13 +104,13 @@ def plot_control(axes: Axes | Sequence[Axes] | None, log: ControlLog) -> list[Ar
     given[0].legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     colors = contact_colors(log.planned)
     for ax in given[1:]:
-        drawn += _bars(ax, {name: spans(log.t, on) for name, on in log.assumed.items()}, colors, alpha=0.6, linewidth=0.0)
-        drawn += _bars(ax, {name: spans(log.t, on) for name, on in log.planned.items()}, colors, frames=True, linewidth=0.8)
+        drawn += draw_bars(ax, {name: spans(log.t, on) for name, on in log.assumed.items()}, colors, alpha=0.6, linewidth=0.0)
+        drawn += draw_bars(ax, {name: spans(log.t, on) for name, on in log.planned.items()}, colors, frames=True, linewidth=0.8)
     given[-1].set(xlim=(float(log.t[0]), float(log.t[-1]) or 1.0), xlabel="time [s]")
     return drawn
 
 
-def _bars(
+def draw_bars(
     ax: Axes, rows: Mapping[str, list[tuple[float, float]]], colors: Mapping[str, str], frames: bool = False, **look: Any
 ) -> list[Artist]:
     """A row of bars (begin, length) a name; frames alone, or filled."""
@@ -235,6 +235,6 @@ def _over_time(ax: Axes, plan: WalkPlan) -> list[Artist]:
         ]
         for foot in plan.poses
     }
-    drawn = _bars(ax, rows, contact_colors(plan.poses), alpha=0.6, linewidth=0.0)
+    drawn = draw_bars(ax, rows, contact_colors(plan.poses), alpha=0.6, linewidth=0.0)
     ax.set(xlim=(first, last), xlabel="time [s]")
     return drawn
