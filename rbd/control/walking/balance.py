@@ -29,8 +29,6 @@ SWINGS = (1.0, 1.4)
 """How long a foot that is lifted at once may be in the air [sqrt(h / g)]; the last, of one that follows."""
 BETWEEN = 0.2
 """From when a foot is to land until the next is lifted [sqrt(h / g)]."""
-LATER = 0.1
-"""A foot that has not landed when it was to is given so much more time [sqrt(h / g)]."""
 STEP = 30.0
 """Cost of a step, in that of the centroid's program: fewer steps are better."""
 QUICK, HASTE = 25.0, 100.0
@@ -52,8 +50,9 @@ class Balance(Walk):
     save is saved by those that are planned later.
 
     A push that acts, which is the rate of momentum less that of the contact forces, is expected to last for 0.13 sqrt(h / g).
-    A foot that has not landed when it was to is waited for. Feet stay where they were put down. It does not save every fall:
-    Talos is saved from 80 N s at its torso forwards and backwards, and falls to the left from 65.
+    Impacts of feet count as pushes in the step in which they land. The plan goes on where a foot lands late. Feet stay where
+    they were put down. It does not save every fall: Talos is saved from 80 N s at its torso forwards and backwards, and falls
+    to the left from 65.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
     the controller keeps as well as it can (`log`).
@@ -103,7 +102,7 @@ class Balance(Walk):
                 "`rbd.control.Walk` walks with four, and takes up pushes on its way."
             )
         self.steps = steps
-        self._before: tuple[float, Array, Array, tuple[str, ...]] | None = None
+        self._before: tuple[float, Array, Array] | None = None
         self._planner = replace(
             self._planner, lift=LIFT * self._planner.h, level=LEVEL, fastest=FASTEST, agreed=AGREED
         )  # fmt: skip
@@ -128,15 +127,14 @@ class Balance(Walk):
             NoSolution: no torques were found.
         """
         A_g, rate, mass = step.state.centroidal()
-        momentum, feet = A_g @ step.state.v, tuple(step.contacts)
-        pushed = np.zeros(6)
-        if self._before is not None and self._before[3] == feet:
-            t, last, expected, _ = self._before
+        momentum, pushed = A_g @ step.state.v, np.zeros(6)
+        if self._before is not None:
+            t, last, expected = self._before
             pushed = (momentum - last) / (step.t - t) - expected
         if step.t >= self._again:
             self._save(step, momentum + LOOK * self._planner.unit * pushed)
         self._control.accepted(step)
-        self._before = step.t, momentum, A_g @ self._control.actuation.a + rate, feet
+        self._before = step.t, momentum, A_g @ self._control.actuation.a + rate
 
     def __str__(self) -> str:
         n = len(self.plan.footsteps)
@@ -149,15 +147,14 @@ class Balance(Walk):
         self._control.reschedule(ContactSchedule(wanted.intervals, fade=wanted.fade))
 
     def _save(self, step: AcceptedStep, momentum: Array) -> None:
-        """A new plan, where the capture point is off or a foot is late."""
+        """A new plan, where the capture point is off."""
         t, state, unit = step.t, step.state, self._planner.unit
         v = momentum[:3] / self.robot.mass
         far = self._far(state, v, t)
-        plan = self._waits(t, step)
-        if far < OFF and plan is self.plan:
+        if far < OFF:
             return
         self._again = t + AGAIN * unit
-        found = _Tried(self, t, (state.com, v, momentum[3:]), plan)
+        found = _Tried(self, t, (state.com, v, momentum[3:]), self.plan)
         found.go_on(far > FAR)
         if self.steps:
             found.step()
@@ -165,29 +162,6 @@ class Balance(Walk):
             best = found.best[1]
             self._follow(best)
             self.plans.append((t, best))
-
-    def _waits(self, t: float, step: AcceptedStep) -> WalkPlan:
-        """The plan, with later landings of feet that were to land and do not touch."""
-        plan, unit, late = self.plan, self._planner.unit, dict[str, Swing]()
-        for foot in plan.swings:
-            way = plan.swing(foot, t)
-            if way is not None and way.start < t and way.landing <= t + 0.03 * unit and foot not in step.contacts:
-                late[foot] = way
-        if not late:
-            return plan
-        lands = t + LATER * unit
-        after = lands + BETWEEN * unit
-        out = dict[str, tuple[Swing, ...]]()
-        for foot, own in plan.swings.items():
-            out[foot] = tuple(
-                s.redirected(t, s.end, lands)
-                if s is late.get(foot)
-                else replace(s, start=max(s.start, after))
-                if s.start >= t and foot not in late
-                else s
-                for s in own
-            )
-        return replace(plan, swings=out)
 
 
 class _Tried:
