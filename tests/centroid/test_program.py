@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,17 @@ def test_what_stands_inside_stays() -> None:
     assert total == pytest.approx(np.tile([0.0, 0.0, MASS * G], (N, 1)), abs=1e-2)
     pressure = (plan.forces[..., 2] @ SOLE[:, 0]) / total[:, 2]
     assert pressure == pytest.approx(0.04, abs=1e-5)
+
+
+def test_a_firm_height_is_kept() -> None:
+    """Where the height costs little it is given up to stop a motion sooner; a firm one is kept."""
+    costs = CentroidCosts(com=0.01, momentum=1e-5, force=1e3, force_rate=1e3, acceleration=1e2, jerk=1e4)
+    start = (np.array([0.03, 0.0, 0.5]), np.array([0.2, 0.0, 0.0]), np.zeros(3))
+    left = []
+    for height in (None, 1e-5):
+        some = replace(program(at(0.0), costs=replace(costs, height=height)), start=start)
+        left.append(float(np.abs(solved(some).com[:, 2] - 0.5).max()))
+    assert left[1] < 1e-5 < 1e-3 < left[0]
 
 
 def test_what_stands_outside_comes_to_the_edge() -> None:
