@@ -47,6 +47,7 @@ class CentroidCosts(Displayed):
         shift: Of a stance that lasts a quarter of a second [m].
         excess: Of a row of `CentroidProgram.limits` beyond its limit.
         turning: Of the angular momentum, over the weight [m s]; infinite: it costs nothing.
+        height: Of the centre of mass's height from the reference [m]; None: as `com`.
     """
 
     com: float = 0.05
@@ -58,6 +59,7 @@ class CentroidCosts(Displayed):
     shift: float = 0.04
     excess: float = 0.4
     turning: float = np.inf
+    height: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -308,9 +310,11 @@ class CentroidProgram(Displayed):
         share = np.sqrt(60.0 * dt)  # a sum over times, as an integral over time
         R, xyz = _Rows(), np.arange(3)
         c = 3 * np.arange(n)
-        R.put(c, c, xyz, xyz, share / w.com)
+        near = share / np.array([w.com, w.com, w.com if w.height is None else w.height])
+        for axis in range(3):
+            R.put(c + axis, c + axis, xyz[:1], xyz[:1], near[axis])
         R.put(3 * n + c, 3 * n + c, xyz, xyz, share / w.momentum)
-        t = [share * self.com.ravel() / w.com, share * self.moment.ravel() / (self.weight * w.momentum)]
+        t = [(near * self.com).ravel(), share * self.moment.ravel() / (self.weight * w.momentum)]
         row = 6 * n
         for at, factor in zip(_around(n), (1.0, -2.0, 1.0), strict=True):
             R.put(row + c, 3 * at, xyz, xyz, share * factor / (dt**2 * w.acceleration))

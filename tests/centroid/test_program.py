@@ -52,6 +52,17 @@ def test_what_stands_inside_stays() -> None:
     assert pressure == pytest.approx(0.04, abs=1e-5)
 
 
+def test_a_firm_height_is_kept() -> None:
+    """Where the height costs little it is given up to stop a motion sooner; a firm one is kept."""
+    costs = CentroidCosts(com=0.01, momentum=1e-5, force=1e3, force_rate=1e3, acceleration=1e2, jerk=1e4)
+    start = (np.array([0.03, 0.0, 0.5]), np.array([0.2, 0.0, 0.0]), np.zeros(3))
+    left = []
+    for height in (None, 1e-5):
+        some = replace(program(at(0.0), costs=replace(costs, height=height)), start=start)
+        left.append(float(np.abs(solved(some).com[:, 2] - 0.5).max()))
+    assert left[1] < 1e-5 < 1e-3 < left[0]
+
+
 def test_what_stands_outside_comes_to_the_edge() -> None:
     """At rest outside the sole: the nearest at rest is over its edge; it would tip farther out."""
     calm = CentroidCosts(momentum=1e-4, force=10.0, force_rate=100.0, acceleration=1e-2)

@@ -15,7 +15,7 @@ from rbd.control import Footstep, Gait, Push, Walk, WalkPlan
 from rbd.control.walking.gaits import GAITS
 from rbd.control.walking.legs import carrying
 from rbd.control.walking.swings import Swing, bump, smooth, to_rest
-from rbd.errors import InputError, ModelError, SingularInertia, UnknownName
+from rbd.errors import InputError, ModelError, NoSolution, SingularInertia, UnknownName
 
 FRICTION, STEP = 0.6, 2e-3
 
@@ -35,6 +35,20 @@ def check(walk: Walk, run: rbd.Trajectory, place: float = 1e-3) -> None:
         assert X.translation == pytest.approx(walk.plan.placed(foot.name, 1e3).translation, abs=place)
     assert end.com == pytest.approx(walk.plan.centroid.com[-1], abs=5e-3)
     assert np.abs(end.v[:6]).max() < 0.02  # arms still swing
+
+
+def certify(walk: Walk, run: rbd.Trajectory) -> None:
+    """Every tenth frame again by `rbd.solve`: its certificate, and the same accelerations and forces of points."""
+    weight, frames = walk.robot.mass * 9.81, range(0, len(run.t) - 1, 10)
+    for i in frames:
+        feet = [foot for foot in walk.contacts if run.modes[foot.name][i] != "open"]
+        found = rbd.solve(run.state(i), tau=run.tau[i], constraints=feet, rest_speed=1e-4)  # contacts move by up to 4e-6 m/s
+        assert found.residuals.within(1e-9)
+        assert found.a == pytest.approx(run.a[i], abs=1e-6)
+        for foot in feet:
+            if len(foot.corners) == 1:  # forces of soles need not be unique
+                assert found.forces[foot.name] == pytest.approx(run.forces[foot.name][i], abs=1e-9 * weight)
+    assert len(frames) > 50
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +127,8 @@ def test_quadrupeds_walk(solo: rbd.Robot, gait: str) -> None:
     assert walk.log.violations == 0 and not walk.plans and end.com[2] == pytest.approx(walk.state.com[2], abs=5e-3)
     assert end.com[:2] == pytest.approx(walk.plan.centroid.com[-1, :2], abs=1e-3)
     assert end.com[0] - walk.state.com[0] > 0.02
+    if gait == "trot":
+        certify(walk, run)
     if gait == "bound":
         assert walk.gait.flies and not walk.plan.centroid.forces.any(axis=(1, 2)).all()
         assert max(abs(walk.plan.tilt(t, 0.0)[0, 1]) for t in walk.plan.t) > 0.1
@@ -280,6 +296,46 @@ def test_footsteps_of_ones_own(talos: rbd.Robot) -> None:
     support = plan.centroid.com[np.searchsorted(plan.t, 1.4), :2]
     right = plan.placed("right_sole", 1.4).translation[:2]
     assert np.abs(support - right).max() < 0.12  # over the foot that stands
+
+
+def random_walk(rng: np.random.Generator, name: str | None = None) -> Walk:
+    """Robot, direction, terrain and speed are drawn."""
+    names = ["talos", "g1", "icub", "romeo", "human", "solo12", "go2", "a1", "anymal_b"]
+    robot = rbd.load_robot(name or str(rng.choice(names)))
+    two = len(robot.feet()) == 2
+    gait = "walk" if two else str(rng.choice(["crawl", "trot"]))
+    stand = robot.standing()
+    h, known = float(stand.com[2]), GAITS[gait]
+    most = known.stride * h / ((known.swing + known.overlap) * math.sqrt(h / 9.81))
+    velocity = rng.uniform([-0.7 * most, -0.5 * most, -0.15], [1.3 * most, 0.5 * most, 0.15])
+    kind, angle = int(rng.integers(3)), math.radians(rng.uniform(-6.0, 6.0))
+    way = rng.uniform(0.0, 2.0 * math.pi)
+    on: float | rbd.Ground | rbd.Terrain = 0.0
+    if kind == 1:
+        lean = math.sin(angle)
+        on = rbd.Ground(point=(0.0, 0.0, 0.0), normal=(lean * math.cos(way), lean * math.sin(way), math.cos(angle)))
+    elif kind == 2 and two:
+        start, depth = (float(stand.com[0]) + 0.3 * h, 0.0, 0.0), 0.35 * h + 0.05
+        on = rbd.Terrain.stairs(rng.uniform(0.03, 0.09) * h, depth, 2, start=start, down=True)
+        velocity = np.array([abs(velocity[0]) + 0.3 * most, 0.0, 0.0])
+    return Walk(robot, 6, velocity, terrain=on, gait=gait, friction=FRICTION)
+
+
+def test_walks_drawn_at_random_stand_or_are_refused(exhaustive: bool) -> None:
+    """Fifty in exhaustive tests: none falls, and none violates a step of control; what cannot be is refused before."""
+    rng, refused, n = np.random.default_rng(38), 0, 50 if exhaustive else 2
+    for _ in range(n):
+        name = None if exhaustive else "solo12"
+        try:
+            walk = random_walk(rng, name)
+        except (InputError, NoSolution):
+            refused += 1
+            continue
+        run = walked(walk)
+        end = run.state(-1)
+        assert walk.log.violations == 0 and walk.log.residual.max() < 1e-8
+        assert end.com == pytest.approx(walk.plan.centroid.com[-1], abs=0.02) and np.abs(end.v[:6]).max() < 0.05
+    assert refused <= n // 2
 
 
 def test_gaits() -> None:

@@ -37,9 +37,10 @@ LEVEL = 0.04
 """`Gait.tilt` in the costs of a gait in which the body is to stay level [rad]."""
 PASSES, AGREED = 8, 1e-5
 """How often moments are linearised again, at most; and the residual at which they are not."""
-COM, ACCELERATION, JERK, FORCE_RATE, SHIFT, MOMENT = 0.057, 0.2, 1.8, 1.5, 0.3, 4.0
+COM, HEIGHT, ACCELERATION, JERK, FORCE_RATE, SHIFT, MOMENT = 0.057, 0.01, 0.2, 1.8, 1.5, 0.3, 4.0
 """Costs of the plan (`CentroidCosts`), in units of h, g and sqrt(h / g): so robots of all sizes move alike. Angular momentum
-costs as much where the body would tilt by `Gait.tilt` in one of these times, its rate where that changed within a quarter."""
+costs as much where the body would tilt by `Gait.tilt` in one of these times, its rate where that changed within a quarter.
+Legs keep the height; a plan that may jump or sink takes up a push with forces that no leg has."""
 BESIDE = 0.01
 """Feet pass beside edges at this distance [m]."""
 WAYS = (
@@ -59,8 +60,14 @@ FORWARD, OUTWARD, INWARD = 0.6, 0.45, 0.3
 """Feet come apart from where they stand by at most so much, over h; two feet nearer by this share of their distance."""
 SOONEST = 0.5
 """Nearer before its landing a foothold is not changed, and a foot is not put down sooner [sqrt(h / g)]."""
+ELSEWHERE = 1.0
+"""A foot that is about to land may land so late, to be put elsewhere [sqrt(h / g)]."""
 FASTEST = 0.8
 """Speed at which a foot in the air is put elsewhere, over sqrt(g h)."""
+LATE = 0.1
+"""A plan that is made on the way counts on a foot so long after it is to land: disturbed ones land late [sqrt(h / g)]."""
+QUICKER, QUICKEST, QUICK_FOR = 0.6, 1.2, 5.0
+"""Where feet may hurry, times of steps are shorter by this factor, but no swing than this, for so long [sqrt(h / g)]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,6 +229,9 @@ class Planner:
         level: See `LEVEL`.
         fastest: See `FASTEST`.
         agreed: See `AGREED`.
+        height: Cost of the height, see `COM`.
+        late: See `LATE`.
+        quicker: See `QUICKER`.
     """
 
     robot: CheckedModel
@@ -241,6 +251,9 @@ class Planner:
     level: float = LEVEL
     fastest: float = FASTEST
     agreed: float = AGREED
+    height: float = HEIGHT
+    late: float = LATE
+    quicker: float = QUICKER
 
     def over(self, steps: Sequence[Footstep]) -> WalkPlan:
         """A plan over footsteps, from rest to rest."""
@@ -292,6 +305,7 @@ class Planner:
             every: Time between two of its times [sqrt(h / g)].
             shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
         """
+        late = self.late * self.unit if shifts else 0.0
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
         none: Any = None
         draft = WalkPlan(
@@ -304,7 +318,7 @@ class Planner:
             placed[foot] = [draft.placed(foot, x) for x in t]
             points.append(np.array([[X.act(p) for p in inner] for X in placed[foot]]))
             begun = np.searchsorted([s.start + INSTANT for s in own], t)
-            landed = np.searchsorted([s.landing - INSTANT for s in own], t)
+            landed = np.searchsorted([s.landing + late - INSTANT for s in own], t)
             on = begun <= landed
             which = np.array([number.get((foot, k - 1), -1) for k in landed])
             touches.append(np.repeat(on[:, None], len(inner), axis=1))
@@ -331,8 +345,9 @@ class Planner:
         g = h / unit**2
         radian = 0.5 * float(self.inertia[0, 0] + self.inertia[1, 1]) / (g * unit)
         return CentroidCosts(
-            com=COM * h, momentum=MOMENT * radian * (self.tilt or LEVEL) / unit, acceleration=ACCELERATION * g,
-            jerk=JERK * g / unit, force_rate=FORCE_RATE / unit, shift=SHIFT * h, turning=radian * (self.tilt or self.level),
+            com=COM * h, height=self.height * h, momentum=MOMENT * radian * (self.tilt or LEVEL) / unit,
+            acceleration=ACCELERATION * g, jerk=JERK * g / unit, force_rate=FORCE_RATE / unit, shift=SHIFT * h,
+            turning=radian * (self.tilt or self.level),
         )  # fmt: skip
 
     def _reference(self, draft: WalkPlan, placed: Mapping[str, Sequence[pin.SE3]]) -> Array:
@@ -408,7 +423,8 @@ class Planner:
         found, failed = list[WalkPlan](), list[NoSolution]()
         for by in self._sooner(plan, t) if hurry else (0.0,):
             try:
-                found.append(self._again(sooner(plan, t, by), t, (com, v, L, plan.tilt(t, plan.turn(t))[0])))
+                some = self._quicker(sooner(plan, t, by), t) if hurry else plan
+                found.append(self._again(some, t, (com, v, L, plan.tilt(t, plan.turn(t))[0])))
             except NoSolution as error:
                 failed.append(error)
         if not found:
@@ -416,14 +432,36 @@ class Planner:
         return min(found, key=lambda each: each.centroid.cost)
 
     def _sooner(self, plan: WalkPlan, t: float) -> list[float]:
-        """By how much sooner feet may be put down that are in the air; where none is, the next be lifted [s]."""
+        """By how much sooner feet in the air may land, or (negative) later and elsewhere; or the next be lifted [s]."""
         swings = [s for own in plan.swings.values() for s in own]
         left = min((s.landing - t for s in swings if s.start < t < s.landing), default=0.0)
         if left > 0.0:
             least = SOONEST * self.unit
-            return [0.0, *(by for by in ((1.0 - share) * (left - least) for share in (0.6, 0.2)) if by > 1e-3)]
+            early = [by for by in ((1.0 - share) * (left - least) for share in (0.6, 0.2)) if by > 1e-3]
+            return [0.0, *early, *(by for by in (left - ELSEWHERE * self.unit,) if by < -1e-3)]
         wait = min((s.start - t for s in swings if s.start >= t), default=0.0)
         return [0.0, *(share * wait for share in (0.5, 1.0) if wait > 0.1 * self.unit)]
+
+    def _quicker(self, plan: WalkPlan, t: float) -> WalkPlan:
+        """The same footholds, with quicker steps for a while after the foot in the air has landed, and all others sooner.
+
+        From a landing to the next the capture point's distance from where the foot pushes grows by exp(time / sqrt(h / g)), and
+        may be the larger at the landing the shorter that time is: a wide stance, with room for errors.
+        """
+        swings = [s for own in plan.swings.values() for s in own]
+        first = max((s.landing for s in swings if s.start < t < s.landing), default=t)
+        last = first + QUICK_FOR * self.unit
+        shortest = min((s.T for s in swings if first <= s.start < last), default=0.0)
+        factor = min(max(self.quicker, QUICKEST * self.unit / shortest), 1.0) if shortest else 1.0
+        out = dict[str, tuple[Swing, ...]]()
+        for foot, own in plan.swings.items():
+            times = [first + factor * np.clip(np.array([s.start, s.landing]) - first, 0.0, last - first) for s in own]
+            beyond = [np.maximum(np.array([s.start, s.landing]) - last, 0.0) for s in own]
+            out[foot] = tuple(
+                replace(s, start=float((a + b)[0]), T=float((a + b)[1] - (a + b)[0])) if s.start >= first else s
+                for s, a, b in zip(own, times, beyond, strict=True)
+            )
+        return replace(plan, swings=out)
 
     def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array, Array]) -> WalkPlan:
         ahead, shifts = t + AHEAD * self.unit, dict[tuple[str, int], float]()

@@ -62,7 +62,9 @@ class Walk(Displayed):
     With h the height of the centre of mass over the feet and c its place, x = c + sqrt(h / g) c' is the capture point. Where
     it is off the plan's by more than 2 % of h, the rest of the walk is planned anew from there, at most every 0.25 sqrt(h / g):
     footholds to come are shifted, as far as feet come and stay on their own side; where it is off by more than 4 %, feet are
-    put down or lifted sooner, if that costs less. So pushes are taken up by steps.
+    put down or lifted sooner, or put down later and elsewhere, if that costs less, and the steps after are quicker: x runs away
+    from where a foot pushes by exp(t / sqrt(h / g)), so over a shorter step it may begin farther off, with room for errors.
+    So pushes are taken up by steps.
 
     Arms follow their posture: Talos' shoulders turn by 2 degrees, and its momentum about the vertical reaches 1.3 N m s.
 
