@@ -13,7 +13,7 @@ from rbd.arrays import Array, check_flag
 from rbd.constraints.surface import On
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.schedules import AcceptedStep
-from rbd.control.walking.plan import WalkPlan
+from rbd.control.walking.plan import COM, WalkPlan
 from rbd.control.walking.swings import Swing
 from rbd.control.walking.walk import FAR, OFF, Walk
 from rbd.errors import InputError, NoSolution
@@ -104,7 +104,7 @@ class Balance(Walk):
         self.steps = steps
         self._before: tuple[float, Array, Array] | None = None
         self._planner = replace(
-            self._planner, lift=LIFT * self._planner.h, level=LEVEL, fastest=FASTEST, agreed=AGREED
+            self._planner, lift=LIFT * self._planner.h, level=LEVEL, fastest=FASTEST, agreed=AGREED, height=COM
         )  # fmt: skip
         self.reset()
 
