@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -182,14 +183,8 @@ class Grounds(PlanePoints):
             tuple(i for size in sizes for i in range(size)),
             tuple(grounds[j].cone for j in of.tolist()),
         )
-
-        def local() -> Array:
-            patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
-            arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
-            return np.stack([arms + np.array([X.translation for X in patches])[of], arms], axis=2)
-
         super().__init__(
-            start.robot, structure, np.array([joint for joint, _ in sites])[of], local,
+            start.robot, structure, np.array([joint for joint, _ in sites])[of], partial(_places, grounds, sites, of),
             np.array([ground.R for ground in grounds])[of], np.array([ground.height for ground in grounds])[of],
             point_alone=grounds[0].point_alone, surface=grounds[0].surface,
         )  # fmt: skip
@@ -208,6 +203,13 @@ class Grounds(PlanePoints):
         None on moving ground, and of sets that are no circular cones.
         """
         return None if self.members[0].alone else (Grounds.joined, self.point_alone)
+
+
+def _places(grounds: Sequence[OnGround], sites: Sequence[tuple[int, pin.SE3]], of: Array) -> Array:
+    """`PlanePoints.local` of contacts on frames at `sites`; `of`: the contact of each point."""
+    patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
+    arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
+    return np.stack([arms + np.array([X.translation for X in patches])[of], arms], axis=2)
 
 
 _CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9).T.copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -116,7 +117,7 @@ class OnTerrain:
         axes = np.array([contact_axes(n, along) for n, along in zip(planes[:, :3], self._alongs[plate], strict=True)])
         return PlanePoints(
             self._robot, self.structure(found), np.array(self.joints)[self._joint[plate]],
-            lambda: np.stack([arms, arms - self._centres[plate]], axis=2), axes.reshape(-1, 3, 3), planes[:, 3],
+            partial(np.stack, [arms, arms - self._centres[plate]], axis=2), axes.reshape(-1, 3, 3), planes[:, 3],
             point_alone=self.alone,
         )  # fmt: skip
 
