@@ -81,6 +81,15 @@ def test_point_where_a_riser_begins(x):
     assert np.abs(found.gaps).max() <= 1e-6
 
 
+def test_a_point_on_a_grid_touches_its_surface_alone():
+    """Also where walls between three prisms are within the margin beside it."""
+    flat, rng = rbd.Terrain.heights(np.zeros((9, 9)), 0.1), np.random.default_rng(0)
+    for x, y in rng.uniform(0.1, 0.7, (200, 2)):
+        found = touched(flat, [[x, y, 0.0]])
+        assert len(found.gaps) == 1 and abs(found.gaps[0]) < 1e-12, (x, y)
+        np.testing.assert_allclose(found.normals, [UP], atol=1e-12)
+
+
 def test_seams_are_not_there():
     """On level boxes side by side, and on the prisms of a slope, a sole has its four corners and nothing else."""
     level = rbd.Terrain.boxes(*[((0.1 * k, -1, -0.5), (0.1 * (k + 1), 1, 0.0)) for k in range(20)])
