@@ -13,9 +13,8 @@ import pytest
 import rbd
 from rbd.arrays import Array
 from rbd.constraints.terrain.on_terrain import OnTerrain
-from rbd.constraints.terrain.pieces import Plates
+from rbd.constraints.terrain.pieces import EDGES, Plates
 from rbd.constraints.terrain.touches import Touches
-from rbd.constraints.terrain.touching_kernel import EDGES
 from rbd.control import ComTask, PostureTask, WholeBodyController
 from rbd.simulation.ground_dynamics import GroundDynamics
 

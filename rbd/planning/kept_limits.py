@@ -38,7 +38,8 @@ class Between:
         speed: Its largest share of its speed limit, shape (joints,).
         at: When these are worst, shape (2, joints) [s].
         names: Of the joints.
-        gaps: Bound of how far bodies are apart: (time of the least, that) [s, m]; 3 cm or more is told as 3 cm.
+        gaps: (when bodies may come nearest to each other, how far apart they are then at least) [s, m]. Distances of more than
+            3 cm are not measured, and count as 3 cm.
     """
 
     beyond: Array

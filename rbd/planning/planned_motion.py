@@ -97,15 +97,22 @@ class Plan(Displayed):
     @property
     def friction_use(self) -> float:
         """Largest share of the friction that a force of more than 1 N needs at the ends of intervals."""
-        mu = self.pushes.friction
-        normal, tangential = self.parted
-        return float((tangential / np.maximum(mu * normal, 1e-9))[normal > 1.0].max(initial=0.0))
+        return float(self.friction_shares.max(initial=0.0))
 
     @lazy
-    def parted(self) -> tuple[Array, Array]:
-        """(normal, tangential) parts of forces at both ends of the intervals of its proof, shapes (2, m, k) [N]."""
-        x, y, n = np.moveaxis(each_times(self._axes, self.intervals.forces), -1, 0)
-        return n, np.hypot(x, y)
+    def normal_forces(self) -> Array:
+        """Of all points, at both ends of the intervals of its proof, shape (2, m, k) [N]."""
+        return self._local_forces[..., 2]
+
+    @lazy
+    def friction_shares(self) -> Array:
+        """Share of the friction that each of these forces needs, shape (2, m, k); zero below 1 N."""
+        f, n = self._local_forces, self.normal_forces
+        return np.where(n > 1.0, np.hypot(f[..., 0], f[..., 1]) / np.maximum(self.pushes.friction * n, 1e-9), 0.0)
+
+    @lazy
+    def _local_forces(self) -> Array:
+        return each_times(self._axes, self.intervals.forces)
 
     @property
     def torque_use(self) -> float:

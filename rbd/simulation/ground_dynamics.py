@@ -34,7 +34,6 @@ from rbd.answers.prepared.contact_bodies import (
     rotations,
 )
 from rbd.arrays import Array, cross_matrix, each_times, filled, is_finite, lazy, max_abs, rank_of, zeros
-from rbd.constraints.contact_points import Structure
 from rbd.constraints.ground_points import PlanePoints
 from rbd.constraints.terrain.on_terrain import OnTerrain
 from rbd.constraints.terrain.touches import Touches
@@ -132,48 +131,51 @@ class GroundSteps:
     """The prepared forms of a motion's contacts: one on planes; on terrain one for each set of corners over tops at rest.
 
     Args:
-        points: The contacts, all with ground or with terrain.
-        start: The motion's start.
+        points: The contacts.
+        sources: Theirs, all with ground or with terrain.
+        robot: The robot.
     """
 
-    def __init__(self, points: Points, start: State) -> None:
-        self._points, self._model = points, start.robot.model
-        self._alone = all(isinstance(source, PlanePoints) for source in points.sources)
-        self._space = Workspace(self._model, ())
+    def __init__(self, points: Points, sources: Sequence[PlanePoints | OnTerrain], robot: CheckedModel) -> None:
+        self._points, self._sources, self._model = points, tuple(sources), robot.model
+        self._terrains = [source for source in sources if isinstance(source, OnTerrain)]
+        self._space = Workspace(robot.model, ()) if self._terrains else None
 
     @classmethod
     def of(cls, points: Points, start: State) -> GroundSteps | None:
         """Those of a motion; None where no set of its contacts can have one."""
-        if not points.sources or not start.robot.sound:
+        sources = [source for source in points.sources if isinstance(source, PlanePoints | OnTerrain)]
+        if not sources or len(sources) < len(points.sources) or not start.robot.sound:
             return None
-        if not all(isinstance(source, PlanePoints | OnTerrain) for source in points.sources):
-            return None
-        found = cls(points, start)
-        return None if found._alone and found.at(start, start.t).ground is None else found
+        found = cls(points, sources, start.robot)
+        return found if found._terrains or found.at(start, start.t).ground is not None else None
 
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state and a time [s]: by the prepared form of their set, if it has one."""
-        sources, touches, structures = self._points.sources, list[Touches | None](), list[Structure]()
-        if not self._alone:
-            pin.forwardKinematics(self._model, self._space.data, state.q)
-            places = self._space.places.reshape(-1, 12)
-        for source in sources:
-            found = None
-            if isinstance(source, OnTerrain):
-                X = places[source.joints]
-                found = source.touches_of(rotations(X.reshape(-1)), X[:, 9:], state.t)
-            touches.append(found)
-            structures.append(source.structure if found is None else source.structure(found))  # type: ignore[attr-defined]
-        layout = self._points.layout(tuple(structures))
+        found = self._touched(state)
+        layout = self._points.layout(
+            tuple([s.structure if isinstance(s, PlanePoints) else s.structure(found[s][0]) for s in self._sources])
+        )
         if GroundSteps not in layout.computed:
-            planes = [
-                source.on_planes(found) if isinstance(source, OnTerrain) and found is not None else source
-                for source, found in zip(sources, touches, strict=True)
-            ]
-            on_planes = [source for source in planes if isinstance(source, PlanePoints)]
-            layout.computed[GroundSteps] = GroundDynamics.of(layout, on_planes, state)
+            planes = [s if isinstance(s, PlanePoints) else s.on_planes(found[s][0]) for s in self._sources]
+            layout.computed[GroundSteps] = GroundDynamics.of(layout, [s for s in planes if s is not None], state)
         ground: GroundDynamics | None = layout.computed[GroundSteps]
-        return self._points.at(state, t) if ground is None else ground.at(state, t)
+        if ground is not None:
+            return ground.at(state, t)
+        measured = [s.at(state, t) if isinstance(s, PlanePoints) else s.measured(state, *found[s]) for s in self._sources]
+        return Snapshot.of(state, layout, measured)
+
+    def _touched(self, state: State) -> dict[OnTerrain, tuple[Touches, Array, Array]]:
+        """As of `OnTerrain.touches`, of all that are on terrain."""
+        if self._space is None:
+            return {}
+        pin.forwardKinematics(self._model, self._space.data, state.q)
+        places, found = self._space.places.reshape(-1, 12), dict[OnTerrain, tuple[Touches, Array, Array]]()
+        for source in self._terrains:
+            X = places[source.joints]
+            R, p = rotations(X.reshape(-1)), X[:, 9:]
+            found[source] = source.touches_of(R, p, state.t), R, p
+        return found
 
 
 class GroundDynamics:

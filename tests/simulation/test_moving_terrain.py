@@ -14,7 +14,7 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.constraints.terrain.touching_kernel import EDGES
+from rbd.constraints.terrain.pieces import EDGES
 from rbd.model.content_hash import digest
 
 G = 9.81

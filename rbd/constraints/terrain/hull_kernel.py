@@ -29,27 +29,26 @@ from rbd.arrays import Array
 from rbd.constraints.convex.polygons import MOST_POINTS, SAME_M
 from rbd.constraints.plane_kernel import spread
 from rbd.constraints.terrain.facets import Facets
-from rbd.constraints.terrain.pieces import Polytopes, Spots
-from rbd.constraints.terrain.touching_kernel import (
-    ALIKE,
+from rbd.constraints.terrain.pieces import (
     CORNER,
     CROSSING,
     EDGES,
-    LEAN,
     ON_FACE,
     ON_PLATE,
     OTHER,
-    POLYTOPES,
-    SEAM_M,
-    SPOTS,
     UNDER,
+    Polytopes,
+    Spots,
+)
+from rbd.constraints.terrain.seam_kernel import ALIKE, LEAN, SEAM_M, dot, joined
+from rbd.constraints.terrain.touching_kernel import (
+    POLYTOPES,
+    SPOTS,
     clear_of,
     cross,
-    dot,
     edge_number,
     ends,
     entry,
-    joined,
     over,
     put,
     under,

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.terrain.pieces import Plates, Spots
-from rbd.constraints.terrain.touching_kernel import CROSSING, ON_PLATE, OTHER, PLATES, SPOTS, UNDER, cross, dot
+from rbd.constraints.terrain.pieces import CROSSING, ON_PLATE, OTHER, UNDER, Plates, Spots
+from rbd.constraints.terrain.seam_kernel import dot
+from rbd.constraints.terrain.touching_kernel import PLATES, SPOTS, cross
 from rbd.kernels import COUNT, array, compiled, signature
 
 NEAR_X = 0.9

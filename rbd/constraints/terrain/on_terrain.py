@@ -12,14 +12,12 @@ from rbd.arrays import Array, zeros
 from rbd.constraints.contact_points import MARGIN, Group, Measured, Structure
 from rbd.constraints.ground_points import PlanePoints
 from rbd.constraints.surface import UP, cone_of, contact_axes, out_along
-from rbd.constraints.terrain.pieces import Plates
+from rbd.constraints.terrain.pieces import CORNER, ON_FACE, Plates
 from rbd.constraints.terrain.touches import Touches
 from rbd.model.state import State
 
 BESIDE = 0.5
 """A point whose normal has less than this along a sole's is beside it, as at a riser."""
-CORNER, ON_FACE = 0, 0
-"""Of a point in `Touches.which`: it is a corner of its contact, and its normal that of a face; as of `touching_kernel`."""
 _KINDS = ("corner {} on", "outline {} over", "under it,", "outline {} nearest to")
 _BESIDE = ("corner {} beside", "outline {} beside", "beside", "outline {} beside")
 _MOST_STRUCTURES = 1000
@@ -96,7 +94,10 @@ class OnTerrain:
 
     def at(self, state: State, t: float) -> Measured:
         """Their points at a state."""
-        found, R, p = self.touches(state)
+        return self.measured(state, *self.touches(state))
+
+    def measured(self, state: State, found: Touches, R: Array, p: Array) -> Measured:
+        """Their points at a state where `touches` found them."""
         plate, P = found.which[:, 5], found.places
         axes, J, velocity, bias = found.rows(state, self.joints, self._joint, self._carries, self._alongs)
         kept = np.flatnonzero(self._kept[plate].ravel()) if self._some else slice(None)

@@ -20,7 +20,7 @@ from rbd.model.state import FrameKinematics, State
 from rbd.problem.ground import Ground
 from rbd.problem.motions import Motion, Prescribed
 
-ON_FACE = 1e-9
+SAME_PLANE = 1e-9
 """Corners this near to a face, relative to the piece's size, are on it."""
 SIDES = 48
 """Sides of the prism in place of a cylinder: its corners are on the cylinder, its faces up to 0.2 % of the radius inside."""
@@ -30,6 +30,12 @@ OVERLAPS_M = 1e-6
 """Pieces that are deeper in each other overlap; less is rounding [m]."""
 BELOW_M = 1.0
 """The base of prisms of a grid of heights is this far below its lowest point [m]."""
+CORNER, CROSSING, UNDER, OTHER = 0, 1, 2, 3
+"""Kinds of points: a corner of the plate; its outline over an edge; a corner of the piece under it; the nearest pair.
+
+The numbers of a point are those of the corner or edge of the plate, and of the face, edge or corner of the piece."""
+ON_FACE, ON_PLATE, EDGES = 0, 1, 2
+"""Whose the normal is: a face's, the plate's, or that of two edges, which cross or are the nearest pair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +198,7 @@ def polytope(name: str, corners: Array, faces: Array | None = None) -> Piece:
     size = float(np.ptp(corners, axis=0).max())
     loops = []
     for face in faces:
-        own = np.flatnonzero(np.abs(corners @ face[:3] - face[3]) <= ON_FACE * size)
+        own = np.flatnonzero(np.abs(corners @ face[:3] - face[3]) <= SAME_PLANE * size)
         flat = across(face[:3]) @ (corners[own] - corners[own].mean(axis=0)).T
         loops.append(tuple(own[np.argsort(np.arctan2(flat[1], flat[0]))].tolist()))
     return Piece(name, faces, corners, tuple(loops))
@@ -397,7 +403,7 @@ class Spots(NamedTuple):
         places: On what touches, in W, shape (k, 3) [m].
         normals: Out of the terrain, shape (k, 3).
         gaps: Along them, shape (k,) [m].
-        which: Kind, two numbers, piece, `ON_FACE`, `ON_PLATE` or `EDGES`, plate or shape, shape (k, 6); see `touching_kernel`.
+        which: Kind (`CORNER` to `OTHER`), two numbers, piece, `ON_FACE`, `ON_PLATE` or `EDGES`, plate or shape, shape (k, 6).
         ways: Of an outline over an edge, across that edge on a face, else along it, shape (k, 3).
     """
 

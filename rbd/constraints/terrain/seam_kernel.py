@@ -6,11 +6,9 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import SAME_M
-from rbd.constraints.terrain.pieces import Spots
+from rbd.constraints.terrain.pieces import CORNER, Spots
 from rbd.kernels import compiled
 
-CORNER = 0
-"""A kind of points: a corner of the plate; others are in `touching_kernel`."""
 LEAN = 1e-3
 """Faces with less than this along `up` are not under the plate."""
 SEAM_M, LIFT_M = 1e-6, 4e-6

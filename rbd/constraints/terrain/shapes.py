@@ -16,7 +16,7 @@ from rbd.constraints.convex.closest_points import meeting
 from rbd.constraints.convex.convex_shapes import ConvexShape, polyhedron
 from rbd.constraints.surface import UP
 from rbd.constraints.terrain.facets import Facets
-from rbd.constraints.terrain.pieces import Piece, Plates, Spots
+from rbd.constraints.terrain.pieces import CORNER, UNDER, Piece, Plates, Spots
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.constraints.terrain.touches import Touches, filled, kernel
 from rbd.model.checked_model import CheckedModel
@@ -24,8 +24,6 @@ from rbd.model.state import State
 
 NEAR_M = 0.01
 """A hull this near to an edge of a piece touches more than a plane; a round shape this near is a pair for Coal's distance."""
-_CORNER, _UNDER = 0, 2
-"""Kinds of points, as in `touching_kernel`, which is compiled only where it is used."""
 _X = np.array([1.0, 0.0, 0.0])
 _MOST = 1000
 """Sets of corners whose numbers are kept."""
@@ -147,9 +145,9 @@ class OnPieces:
     def _key(self, kind: int, i: int, j: int, piece: int, _: int, s: int) -> tuple[object, ...]:
         """What a point of a hull is: its name, and what it has in common with the same point at other states."""
         name, solid = self._hulls[s].name, self.terrain.pieces[piece]
-        if kind == _CORNER:
+        if kind == CORNER:
             return f"{name}:{i}", self.terrain.plane(piece, j)
-        if kind == _UNDER:
+        if kind == UNDER:
             return f"{name}:face|{solid.name}:{j}", piece
         d, c = divmod(j, len(solid.vertices))
         a, b = self._facets.edges[self._facets.begins[s, 2] + i, :2].tolist()

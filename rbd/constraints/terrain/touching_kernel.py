@@ -21,16 +21,21 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import SAME_M
-from rbd.constraints.terrain.pieces import Plates, Polytopes, Spots
-from rbd.constraints.terrain.seam_kernel import ALIKE, CORNER, LEAN, SEAM_M, dot, joined, within
+from rbd.constraints.terrain.pieces import (
+    CORNER,
+    CROSSING,
+    EDGES,
+    ON_FACE,
+    ON_PLATE,
+    OTHER,
+    UNDER,
+    Plates,
+    Polytopes,
+    Spots,
+)
+from rbd.constraints.terrain.seam_kernel import ALIKE, LEAN, SEAM_M, dot, joined, within
 from rbd.kernels import COUNT, NUMBER, array, compiled, record, signature
 
-CROSSING, UNDER, OTHER = 1, 2, 3
-"""Kinds of points beside `CORNER`, of the plate: its outline over an edge; a corner of the piece under it; the nearest pair.
-
-The numbers of a point are those of the corner or edge of the plate, and of the face, edge or corner of the piece."""
-ON_FACE, ON_PLATE, EDGES = 0, 1, 2
-"""Whose the normal is: a face's, the plate's, or that of two edges, which cross or are the nearest pair."""
 UPPER = -0.2
 """A normal with less than this along `up` is against the plate's upper side, which touches nothing."""
 RELAXED = 0.1

@@ -453,15 +453,14 @@ class Planner:
         last = first + QUICK_FOR * self.unit
         shortest = min((s.T for s in swings if first <= s.start < last), default=0.0)
         factor = min(max(self.quicker, QUICKEST * self.unit / shortest), 1.0) if shortest else 1.0
-        out = dict[str, tuple[Swing, ...]]()
-        for foot, own in plan.swings.items():
-            times = [first + factor * np.clip(np.array([s.start, s.landing]) - first, 0.0, last - first) for s in own]
-            beyond = [np.maximum(np.array([s.start, s.landing]) - last, 0.0) for s in own]
-            out[foot] = tuple(
-                replace(s, start=float((a + b)[0]), T=float((a + b)[1] - (a + b)[0])) if s.start >= first else s
-                for s, a, b in zip(own, times, beyond, strict=True)
-            )
-        return replace(plan, swings=out)
+
+        def moved(x: float) -> float:
+            return first + factor * min(x - first, last - first) + max(x - last, 0.0)
+
+        def quicker(s: Swing) -> Swing:
+            return replace(s, start=moved(s.start), T=moved(s.landing) - moved(s.start)) if s.start >= first else s
+
+        return replace(plan, swings={foot: tuple(map(quicker, own)) for foot, own in plan.swings.items()})
 
     def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array, Array]) -> WalkPlan:
         ahead, shifts = t + AHEAD * self.unit, dict[tuple[str, int], float]()

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 BEYOND = "#c0392b"
 """Color of what is not proved, and of limits."""
-LOADED = 1.0
-"""Points that press with less have no share of the friction [N]."""
 
 
 def plot_plan(axes: Axes | Sequence[Axes] | None, plan: Plan) -> list[Artist]:
@@ -52,16 +50,14 @@ def plot_plan(axes: Axes | Sequence[Axes] | None, plan: Plan) -> list[Artist]:
     given = axes_of(axes, 3, (WIDTH, 4.6 + bars), height_ratios=[2.2, 1.8, bars], sharex=True)
     colors, x = contact_colors(names), plan.intervals
     t = np.stack([x.start, x.end], axis=1).ravel()
-    normal, tangential = plan.parted
     sizes = np.cumsum([len(np.asarray(contact.corners)) for contact in plan.contacts.contacts])[:-1]
     drawn: list[Artist] = []
-    for name, part in zip(names, np.split(normal, sizes, axis=2), strict=True):
+    for name, part in zip(names, np.split(plan.normal_forces, sizes, axis=2), strict=True):
         drawn += given[0].plot(t, part.sum(axis=2).T.ravel(), color=colors[name], lw=1.3, label=name)
     given[0].set(ylabel="normal forces [N]")
     if len(given) > 1:
-        share = np.where(normal > LOADED, tangential / np.maximum(plan.pushes.friction * normal, LOADED * 1e-3), 0.0)
         used = np.abs(x.torques) / plan.robot.effort_limit
-        for values, color, label in ((share, "0.25", "friction"), (used, "C0", "torques")):
+        for values, color, label in ((plan.friction_shares, "0.25", "friction"), (used, "C0", "torques")):
             drawn += given[1].plot(t, 100.0 * values.max(axis=2).T.ravel(), lw=1.3, color=color, label=label)
         drawn.append(given[1].axhline(100.0, color=BEYOND, ls="--", lw=1.0))
         given[1].set(ylabel="used of limits [%]", ylim=(0.0, None))
