@@ -1,7 +1,8 @@
 """What ground that is not a plane costs: steps of `rbd.simulate` on it, in steps on the plane of its top, by turns.
 
-Talos stands on its soles, Solo12 on its balls, on the middle one of three steps, held by the same torques as on a plane; Talos
-falls with all its shapes onto seven boxes side by side, and onto a plane. Run by `make bench`.
+Talos stands on its soles, Solo12 on its balls, on the middle one of three steps, and on a level grid of heights, held by the
+same torques as on a plane; Talos with its toes 3 cm over an edge too. Talos falls with all its shapes onto seven boxes side by
+side, and onto a plane. Run by `make bench`.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ import rbd
 from rbd.errors import RbdWarning
 
 MARKS = {"talos": (2.0,), "solo12": (3.0,)}
-"""Of a step on stairs, in steps on a plane: of soles, and of feet that are balls."""
+"""Of a step on terrain, in steps on a plane: of soles, and of feet that are balls."""
 FALL_MARKS = (3.0,)
-RISE, DEPTH, BOXES, BOX_M = 0.1, 0.6, 7, 0.3
+RISE, DEPTH, BOXES, BOX_M, CELL_M, OVER_M = 0.1, 0.6, 7, 0.3, 0.1, 0.03
 FALL_SECONDS = 0.5
 
 
@@ -32,8 +33,15 @@ def terrain_rows(turn: int = TURN, fall: float = FALL_SECONDS, rounds: int = ROU
         fall: Length of a fall [s].
         rounds: Turns, of which the median counts; of falls half as many.
     """
-    rows = [Row(f"a step of 1 ms on stairs, {what}", {name: _stairs(name, turn, rounds)}, "x a plane", MARKS[name])
-            for name, what in (("talos", "soles"), ("solo12", "balls"))]  # fmt: skip
+    stairs = rbd.Terrain.stairs(RISE, DEPTH, 3, start=(-1.5 * DEPTH, 0.0, -2.0 * RISE))
+    grid = rbd.Terrain.heights(np.zeros((21, 21)), CELL_M, origin=(-1.03, -1.02))
+    tasks = [("on stairs, soles", "talos", stairs), ("on stairs, balls", "solo12", stairs)]
+    tasks += [("on a grid of 10 cm, soles", "talos", grid), ("on a grid of 10 cm, balls", "solo12", grid)]
+    tasks += [("toes 3 cm over an edge", "talos", _edge("talos"))]
+    rows = [
+        Row(f"a step of 1 ms {what}", {name: _steps(name, on, turn, rounds)}, "x a plane", MARKS[name])
+        for what, name, on in tasks
+    ]
     ratio = _falls(fall, max(rounds // 2, 1))
     return [*rows, Row(f"falling onto {BOXES} boxes, all shapes", {"talos": ratio}, "x a plane", FALL_MARKS)]
 
@@ -51,10 +59,16 @@ def _ratio(runs: Sequence[Callable[[], object]], rounds: int) -> float:
     return statistics.median(one) / statistics.median(other)
 
 
-def _stairs(name: str, turn: int, rounds: int) -> float:
+def _edge(name: str) -> rbd.Terrain:
+    """A level box that ends before the toes of a robot that stands."""
+    state = rbd.load_robot(name).standing()
+    corners = [state.frame(f.frame, f.placement.act(c)).X_WF.translation[0] for f in state.robot.soles() for c in f.corners]
+    return rbd.Terrain.boxes(((-1.0, -1.0, -0.1), (max(corners) - OVER_M, 1.0, 0.0)))
+
+
+def _steps(name: str, terrain: rbd.Terrain, turn: int, rounds: int) -> float:
     bench = Bench.of(name)
-    stairs = rbd.Terrain.stairs(RISE, DEPTH, 3, start=(-1.5 * DEPTH, 0.0, -2.0 * RISE))
-    grounds = [bench.swaying.robot.feet(FRICTION, on=on) for on in (stairs, 0.0)]
+    grounds = [bench.swaying.robot.feet(FRICTION, on=on) for on in (terrain, 0.0)]
 
     def stands(feet: Sequence[object]) -> object:
         return rbd.simulate(

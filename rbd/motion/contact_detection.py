@@ -50,9 +50,9 @@ def find_contacts(
     Its contact begins within 6 mm, and ends 10 mm, above the median height at which it stands. Points that touch so and are not
     on the floor are `raised`. Other bodies touch with what is on the floor.
 
-    Its speed along the floor decides whether a point that touches holds or slides: the slope of its position over 0.3 s, within
-    the stretch of time in which it touches. The limit is `rest_speed` and three standard deviations of what the decimals of the
-    data leave in the slope (four decimals show 10 mm/s to 0.5).
+    Its speed along the floor decides whether a point that touches holds or slides: the slope of its position over 0.3 s, or
+    over three frames where that is less, within the stretch of time in which it touches. The limit is `rest_speed` and three
+    standard deviations of what the decimals of the data leave in the slope (four decimals show 10 mm/s to 0.5).
 
     Args:
         motion: The motion.

@@ -101,6 +101,8 @@ class StoredContacts:
 def slopes(t: Array, xy: Array, touches: Array, noise: Array) -> tuple[Array, Array]:
     """(speed along the floor, its standard deviation), each of shape (n, k) [m/s]: regressions within each stretch of contact.
 
+    Over `SLOPE_S`, or over three frames where that is less: a foot that goes up sideways does not slide before it does.
+
     Args:
         t: Times, shape (n,) [s].
         xy: Positions, shape (n, k, 2) [m].
@@ -108,22 +110,30 @@ def slopes(t: Array, xy: Array, touches: Array, noise: Array) -> tuple[Array, Ar
         noise: Standard deviation of positions, shape (k,) [m].
     """
     n, k = touches.shape
-    begin, end = np.searchsorted(t, t - 0.5 * SLOPE_S - 1e-9), np.searchsorted(t, t + 0.5 * SLOPE_S + 1e-9)
     i = np.arange(n)[:, None]
     starts = touches & ~np.vstack([np.zeros((1, k), bool), touches[:-1]])
     ends = touches & ~np.vstack([touches[1:], np.zeros((1, k), bool)])
-    first = np.maximum(np.maximum.accumulate(np.where(starts, i, 0), axis=0), begin[:, None])
-    last = np.minimum(np.minimum.accumulate(np.where(ends, i, n)[::-1], axis=0)[::-1] + 1, end[:, None])
-    last = np.maximum(np.minimum(last, n), first)
+    start = np.maximum.accumulate(np.where(starts, i, 0), axis=0)
+    end = np.minimum(np.minimum.accumulate(np.where(ends, i, n)[::-1], axis=0)[::-1] + 1, n)
     time, x = (t - t.mean())[:, None, None], xy - xy.mean(axis=0)
     of_time = np.broadcast_to(np.concatenate([time, time**2], axis=2), (n, k, 2))
     sums = np.concatenate([np.zeros((1, k, 6)), np.cumsum(np.concatenate([of_time, x, x * time], axis=2), axis=0)])
-    count, column = np.maximum(last - first, 1), np.arange(k)
-    T, TT, X, TX = np.split(sums[last, column] - sums[first, column], [1, 2, 4], axis=2)
-    T, TT = T[..., 0], TT[..., 0]
-    spread = TT - T**2 / count
-    enough = touches & (last - first >= LEAST) & (spread > 0.0)
-    safe = np.where(enough, spread, 1.0)
-    slope = (TX - (T / count)[..., None] * X) / safe[..., None]
-    speed = np.where(enough, np.hypot(slope[..., 0], slope[..., 1]), np.where(touches, 0.0, np.nan))
-    return speed, np.where(enough, noise / np.sqrt(safe), 0.0)
+
+    def over(begin: Array, last: Array) -> tuple[Array, Array]:
+        first = np.maximum(start, begin)
+        last = np.maximum(np.minimum(end, last), first)
+        count, column = np.maximum(last - first, 1), np.arange(k)
+        T, TT, X, TX = np.split(sums[last, column] - sums[first, column], [1, 2, 4], axis=2)
+        T, TT = T[..., 0], TT[..., 0]
+        spread = TT - T**2 / count
+        enough = touches & (last - first >= LEAST) & (spread > 0.0)
+        safe = np.where(enough, spread, 1.0)
+        slope = (TX - (T / count)[..., None] * X) / safe[..., None]
+        speed = np.where(enough, np.hypot(slope[..., 0], slope[..., 1]), np.where(touches, 0.0, np.nan))
+        return speed, np.where(enough, noise / np.sqrt(safe), 0.0)
+
+    half = 0.5 * SLOPE_S + 1e-9
+    long, spread = over(np.searchsorted(t, t - half)[:, None], np.searchsorted(t, t + half)[:, None])
+    middle = np.clip(i, start + 1, np.maximum(end - 2, start + 1))
+    short, _ = over(middle - 1, middle + 2)
+    return np.minimum(long, short), spread

@@ -19,6 +19,7 @@ their steps are those on planes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -127,8 +128,21 @@ _AGREES = 1e-9
 _NOTHING = zeros(0)
 
 
+SAME_POINT = 1e-9
+"""A point over an edge that has moved by less in its body is where it was [m]."""
+
+
+@dataclass
+class _Prepared:
+    """The form of a set of points, with where those over edges are in their bodies."""
+
+    passing: list[Array]
+    tried: bool = False
+    ground: GroundDynamics | None = None
+
+
 class GroundSteps:
-    """The prepared forms of a motion's contacts: one on planes; on terrain one for each set of corners over tops at rest.
+    """The prepared forms of a motion's contacts: one on planes; on terrain one for each set of points on pieces at rest.
 
     Args:
         points: The contacts.
@@ -156,14 +170,29 @@ class GroundSteps:
         layout = self._points.layout(
             tuple([s.structure if isinstance(s, PlanePoints) else s.structure(found[s][0]) for s in self._sources])
         )
-        if GroundSteps not in layout.computed:
-            planes = [s if isinstance(s, PlanePoints) else s.on_planes(found[s][0]) for s in self._sources]
-            layout.computed[GroundSteps] = GroundDynamics.of(layout, [s for s in planes if s is not None], state)
-        ground: GroundDynamics | None = layout.computed[GroundSteps]
+        ground = self._prepared(layout, state, found)
         if ground is not None:
             return ground.at(state, t)
         measured = [s.at(state, t) if isinstance(s, PlanePoints) else s.measured(state, *found[s]) for s in self._sources]
         return Snapshot.of(state, layout, measured)
+
+    def _prepared(
+        self, layout: PointLayout, state: State, found: dict[OnTerrain, tuple[Touches, Array, Array]]
+    ) -> GroundDynamics | None:
+        """The form of a set of points; of those over edges only while these stay where they are in their bodies."""
+        here = [source.passing(*found[source]) for source in self._terrains]
+        known: _Prepared | None = layout.computed.get(GroundSteps)
+        if known is None or any(max_abs((x - y).ravel()) > SAME_POINT for x, y in zip(here, known.passing, strict=True)):
+            again = known is not None
+            known = layout.computed[GroundSteps] = _Prepared(here)
+            if again or any(map(len, here)):
+                return None
+        if not known.tried:
+            passing = dict(zip(self._terrains, here, strict=True))
+            planes = [s if isinstance(s, PlanePoints) else s.on_planes(found[s][0], passing[s]) for s in self._sources]
+            known.ground = GroundDynamics.of(layout, [s for s in planes if s is not None], state)
+            known.tried = True
+        return known.ground
 
     def _touched(self, state: State) -> dict[OnTerrain, tuple[Touches, Array, Array]]:
         """As of `OnTerrain.touches`, of all that are on terrain."""

@@ -364,6 +364,16 @@ class TestContacts:
         assert (touches[:31] == (up <= 0.010)[:, None]).all()
         assert (touches[30:] == (down <= 0.006)[:, None]).all()
 
+    def test_a_foot_that_goes_up_sideways_does_not_slide_before(self, g1):
+        """At rest for 0.5 s, then up at 20 mm/s and sideways at 60 mm/s: what is lower than 6 mm slides then, not before."""
+        t = np.arange(101) / 100.0
+        q = np.repeat(g1.standing().q[None], len(t), axis=0)
+        later = np.maximum(t - 0.5, 0.0)
+        q[:, 1], q[:, 2] = 0.06 * later, q[:, 2] + 0.02 * later
+        lanes = find_contacts(Motion.of_arrays(g1, t, q, noise=0.0), ground=0.0, touch_height=0.006)
+        assert lanes.touches[t <= 0.5].all() and lanes.touches[:70].all()
+        assert not lanes.slides[t < 0.5].any() and lanes.slides[(t > 0.5) & lanes.touches.all(axis=1)].all()
+
     def test_few_decimals_do_not_slide(self, g1, squat):
         """Three decimals shake soles at rest; the limit rises with the noise that is stated."""
         q = squat.q.copy()

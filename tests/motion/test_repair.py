@@ -145,7 +145,7 @@ def test_soles_lean_on_their_toes_and_heels(name: str, side: float) -> None:
     q = motion.q.copy()
     q[:, 2] -= Feet.of(robot, feet, q, 1.0 / 60.0).low.min(axis=1)
     report = check_motion(Motion.of_arrays(robot, motion.t, q))
-    assert report.share_possible == 0.0
+    assert not report.possible[5:-5].any()  # before and after it hardly moves
     new = report.repaired(progress=False)
     assert new.contacts is not None and check_motion(new).share_possible == 1.0
     lean = Feet.of(robot, feet, new.q, 1.0 / 60.0).tilt

@@ -393,7 +393,7 @@ def _hulls(
         ups: Written: of corners under a face of a hull its normal, into the hull, in W, shape (most, 3).
         pairs: Written: (shape, piece), shape (most, 2).
     """
-    boxes, faces, vertices, edges, loops, loop_at, _, begins, kinds, _ = pieces
+    boxes, faces, vertices, edges, loops, loop_at, _, begins, kinds, _, _ = pieces
     points, hull_faces, hull_loops, sides, hull_loop_at, hull_edges, at = hulls
     places, normals, gaps, which, ways = out
     k, found, total = 0, 0, points.shape[1]
@@ -487,7 +487,7 @@ def _hulls(
                     return -1, found
                 for m in range(before, k):
                     which[m, 3], which[m, 5] = piece, s
-        k = joined(begin, k, above_all, 1, faces, begins, kinds, out)
+        k = joined(begin, k, above_all, 1, boxes, faces, begins, kinds, out)
         for m in range(begin, k):
             lines[m], ups[m] = 0.0, above_all
             kind, number = which[m, 0], which[m, 1]

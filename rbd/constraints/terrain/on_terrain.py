@@ -20,6 +20,7 @@ BESIDE = 0.5
 """A point whose normal has less than this along a sole's is beside it, as at a riser."""
 _KINDS = ("corner {} on", "outline {} over", "under it,", "outline {} nearest to")
 _BESIDE = ("corner {} beside", "outline {} beside", "beside", "outline {} beside")
+_NONE = zeros((0, 7))
 _MOST_STRUCTURES = 1000
 """Number of cached sets of points; a sole that slides over many pieces can have a new one at every step."""
 
@@ -107,14 +108,30 @@ class OnTerrain:
             None, arms, P, axes,
         )  # fmt: skip
 
-    def on_planes(self, found: Touches) -> PlanePoints | None:
-        """The points of contacts of which only corners are over faces of pieces at rest; None of others."""
+    def passing(self, found: Touches, R: Array, p: Array) -> Array:
+        """Points that are not corners over faces: their place in their joint's axes, normal, and plane, shape (k, 7).
+
+        The arguments are those of `measured`. They are other points of the body where it moves; a body at rest keeps them.
+        """
+        at = np.flatnonzero((found.which[:, 0] != CORNER) | (found.which[:, 4] != ON_FACE))
+        if not len(at):
+            return _NONE
+        of, P, n = self._joint[found.which[at, 5]], found.places[at], found.normals[at]
+        local = (R[of].swapaxes(1, 2) @ (P - p[of])[:, :, None])[:, :, 0]
+        return np.concatenate([local, n, (np.vecdot(n, P) - found.gaps[at])[:, None]], axis=1)
+
+    def on_planes(self, found: Touches, passing: Array) -> PlanePoints | None:
+        """The points as points on planes, those of `passing` where they are now; None of moving pieces."""
         kind, corner, face, piece, how, plate = found.which.T
         pieces = [self.terrain.pieces[i] for i in piece.tolist()]
-        if (kind != CORNER).any() or (how != ON_FACE).any() or any(each.kind is not None for each in pieces):
+        if any(each.kind is not None for each in pieces):
             return None
-        planes = np.array([each.faces[i] for each, i in zip(pieces, face.tolist(), strict=True)]).reshape(-1, 4)
-        arms = self._arms[self._at[plate] + corner]
+        fixed = (kind == CORNER) & (how == ON_FACE)
+        planes, arms = np.empty((len(kind), 4)), np.empty((len(kind), 3))
+        arms[~fixed], planes[~fixed] = passing[:, :3], passing[:, 3:]
+        arms[fixed] = self._arms[(self._at[plate] + corner)[fixed]]
+        for k in np.flatnonzero(fixed).tolist():
+            planes[k] = pieces[k].faces[face[k]]
         axes = np.array([contact_axes(n, along) for n, along in zip(planes[:, :3], self._alongs[plate], strict=True)])
         return PlanePoints(
             self._robot, self.structure(found), np.array(self.joints)[self._joint[plate]],

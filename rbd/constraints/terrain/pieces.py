@@ -49,6 +49,7 @@ class Piece:
         loops: Of each face its corners in order, counterclockwise as seen from outside.
         moved: How far it has moved at a time; None: it stays.
         rates: Velocity, acceleration, and the velocity of its surface over it, shape (9,) [m/s, m/s2, m/s]; None: all zero.
+        inner: Faces that another piece covers whole, from edge to edge: nothing touches them.
         edges: Of each edge two corners and two faces, shape (e, 4).
         box: Lowest and highest x, y, z, shape (6,) [m].
     """
@@ -59,6 +60,7 @@ class Piece:
     loops: tuple[tuple[int, ...], ...]
     moved: Prescribed | None = field(default=None, kw_only=True)
     rates: Array | None = field(default=None, kw_only=True)
+    inner: tuple[int, ...] = field(default=(), kw_only=True)
     edges: Array = field(init=False, repr=False)
     box: Array = field(init=False, repr=False)
 
@@ -298,29 +300,39 @@ class Heights:
         """Height of the prisms' lower ends [m]."""
         return float(self.z.min()) - BELOW_M
 
-    def cells(self, low: Array, high: Array) -> list[tuple[int, int]]:
+    def cells(self, low: Array, high: Array) -> tuple[range, range]:
         """The cells that reach into a box of x and y."""
         first, last = ((x[:2] - self.origin) / self.spacing for x in (low, high))
         ends = np.array(self.z.shape) - 1
         start, stop = np.clip(np.floor(first), 0, ends).astype(int), np.clip(np.floor(last) + 1, 0, ends).astype(int)
-        return [(i, j) for i in range(start[0], stop[0]) for j in range(start[1], stop[1])]
+        i, j = (range(*ends) for ends in np.transpose([start, stop]).tolist())
+        return i, j
 
     def prisms(self, i: int, j: int) -> list[Piece]:
-        """The two prisms of a cell."""
+        """The two prisms of a cell; one, where its corners are in one plane."""
         at = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
         P = np.array([[*(self.origin + self.spacing * (a, b)), self.z[a, b]] for a, b in at])
-        out = []
-        for half, corners in zip("ab", (P[[0, 1, 2]], P[[0, 2, 3]]), strict=True):
-            low = np.column_stack([corners[:, :2], np.full(3, self.base)])
-            n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-            n /= np.linalg.norm(n)
-            along = np.roll(corners, -1, axis=0) - corners
-            sides = np.column_stack([along[:, 1], -along[:, 0], np.zeros(3)]) / np.linalg.norm(along[:, :2], axis=1)[:, None]
-            N = np.vstack([n, [0.0, 0.0, -1.0], sides])
-            d = np.concatenate([[n @ corners[0], -self.base], np.vecdot(sides, corners)])
-            loops = ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0))
-            out.append(Piece(f"{self.name}[{i},{j}]{half}", np.column_stack([N, d]), np.vstack([corners, low]), loops))
-        return out
+        n, m = (k - 1 for k in self.z.shape)
+        south, east, north, west = j > 0, i + 1 < n, j + 1 < m, i > 0
+        if abs(P[0, 2] - P[1, 2] + P[2, 2] - P[3, 2]) <= SAME_PLANE * self.spacing.min():
+            return [self._prism(f"[{i},{j}]", P, (south, east, north, west))]
+        halves = ("a", [0, 1, 2], (south, east, True)), ("b", [0, 2, 3], (True, north, west))
+        return [self._prism(f"[{i},{j}]{half}", P[own], inner) for half, own, inner in halves]
+
+    def _prism(self, name: str, corners: Array, inner: Sequence[bool]) -> Piece:
+        """What is under corners of one plane; `inner`: whether other cells cover its sides."""
+        k = len(corners)
+        low = np.column_stack([corners[:, :2], np.full(k, self.base)])
+        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        n /= np.linalg.norm(n)
+        along = np.roll(corners, -1, axis=0) - corners
+        sides = np.column_stack([along[:, 1], -along[:, 0], np.zeros(k)]) / np.linalg.norm(along[:, :2], axis=1)[:, None]
+        N = np.vstack([n, [0.0, 0.0, -1.0], sides])
+        d = np.concatenate([[n @ corners[0], -self.base], np.vecdot(sides, corners)])
+        around = [(a, (a + 1) % k) for a in range(k)]
+        loops = (tuple(range(k)), (k, *range(2 * k - 1, k, -1)), *((a, a + k, b + k, b) for a, b in around))
+        covered = tuple([2 + side for side in range(k) if inner[side]])
+        return Piece(self.name + name, np.column_stack([N, d]), np.vstack([corners, low]), loops, inner=covered)
 
     def tops(self, xy: Array) -> Array:
         """Height of the surface at places (..., 2) [m]; -inf beside the grid."""
@@ -347,6 +359,7 @@ class Polytopes(NamedTuple):
         dirs: The different directions of edges, shape (d, 3).
         begins: Where faces, corners, edges and directions of each piece begin, shape (pieces + 1, 4).
         kinds: A number that pieces of one motion and one velocity share, zero at rest, shape (pieces,).
+        inner: One for faces that another piece covers whole, else zero, shape (f,).
         rates: Velocity, acceleration, and velocity of the surface over it, of each, shape (pieces, 9); no rows if all rest.
     """
 
@@ -359,6 +372,7 @@ class Polytopes(NamedTuple):
     dirs: Array
     begins: Array
     kinds: Array
+    inner: Array
     rates: Array
 
     @classmethod
@@ -377,6 +391,7 @@ class Polytopes(NamedTuple):
             np.concatenate([np.zeros((0, 3)), *directions]),
             np.vstack([np.zeros((1, 4), int), np.cumsum(np.reshape(counts, (-1, 4)), axis=0)]).astype(int),
             np.array([kinds.setdefault(piece.kind, len(kinds)) for piece in pieces], int),
+            np.array([f in piece.inner for piece in pieces for f in range(len(piece.faces))], int),
             np.zeros((len(pieces) * (len(kinds) > 1), 9)),
         )
 

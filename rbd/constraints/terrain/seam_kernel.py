@@ -33,8 +33,21 @@ def within(x: Array, faces: Array) -> float:
 
 
 @compiled
-def _beside(x: Array, faces: Array, first: int, last: int) -> bool:
-    """Whether a point is outside of a piece, by more than a seam."""
+def _beyond(x: Array, a: float, n: Array, b: float, m: Array, faces: Array) -> float:
+    """`within` of x + a n + b m."""
+    most = -np.inf
+    for f in faces:
+        u, v, w = x[0] + a * n[0] + b * m[0], x[1] + a * n[1] + b * m[1], x[2] + a * n[2] + b * m[2]
+        most = max(most, f[0] * u + f[1] * v + f[2] * w - f[3])
+    return most
+
+
+@compiled
+def _beside(x: Array, box: Array, faces: Array, first: int, last: int) -> bool:
+    """Whether a point is outside of a piece in a box, by more than a seam."""
+    for c in range(3):
+        if x[c] < box[c] - SEAM_M or x[c] > box[3 + c] + SEAM_M:
+            return True
     for f in range(first, last):
         if faces[f, 0] * x[0] + faces[f, 1] * x[1] + faces[f, 2] * x[2] - faces[f, 3] > SEAM_M:
             return True
@@ -42,11 +55,16 @@ def _beside(x: Array, faces: Array, first: int, last: int) -> bool:
 
 
 @compiled
+def _apart(a: Array, b: Array) -> float:
+    """The square of the distance of two points."""
+    return float((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@compiled
 def _is_there(x: Array, first: int, last: int, begin: int, places: Array, dropped: Array) -> bool:
     """Whether a point from `first` to `last` that is kept is at x."""
     for c in range(first, last):
-        r = places[c] - x
-        if not dropped[c - begin] and dot(r, r) < SEAM_M * SEAM_M:
+        if not dropped[c - begin] and _apart(places[c], x) < SEAM_M * SEAM_M:
             return True
     return False
 
@@ -60,7 +78,9 @@ def _is_face(n: Array, faces: Array) -> bool:
 
 
 @compiled
-def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Array, kinds: Array, out: Spots) -> int:
+def joined(
+    begin: int, end: int, up: Array, size: int, boxes: Array, faces: Array, begins: Array, kinds: Array, out: Spots
+) -> int:
     """Drops points of one plate that are inside the surface that its pieces have together; their number.
 
     A point of a piece B at a place of another piece A is one of B's edges that A continues, unless B rises from A there. Where
@@ -81,11 +101,11 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
             a = which[h, 3]
             if a == b:
                 continue
-            outside = _beside(x, faces, begins[a, 0], begins[a + 1, 0])
+            outside = _beside(x, boxes[a], faces, begins[a, 0], begins[a + 1, 0])
             if outside and which[m, 0] != CORNER:
                 continue
-            turned = normals[h] - normals[m]
-            alike = dot(turned, turned) < ALIKE * ALIKE
+            turned = _apart(normals[h], normals[m])
+            alike = turned < ALIKE * ALIKE
             if alike and which[m, 0] == CORNER:  # one corner over two pieces that meet, or one above the other: the higher one
                 for c in range(h, firsts[i + 1]):
                     if which[c, 0] == CORNER and which[c, 1] == which[m, 1] and not dropped[c - begin]:
@@ -93,18 +113,20 @@ def joined(begin: int, end: int, up: Array, size: int, faces: Array, begins: Arr
                         dropped[m - begin] |= level < -SAME_M or (level < SAME_M and c < m)
             if dropped[m - begin]:
                 break
-            moves_apart = kinds[a] != kinds[b] and which[m, 0] != CORNER and dot(turned, turned) < LEAN * LEAN
+            moves_apart = kinds[a] != kinds[b] and which[m, 0] != CORNER and turned < LEAN * LEAN
             if outside or (moves_apart and not alike):
                 continue
             others = faces[begins[a, 0] : begins[a + 1, 0]]
-            out_of_b, out_of_a = x + LIFT_M * normals[m], LIFT_M * normals[h]
-            goes_on = max(within(out_of_b, others), within(out_of_b + out_of_a, others), within(out_of_b + LIFT_M * up, others))
+            goes_on = _beyond(x, LIFT_M, normals[m], 0.0, up, others)
+            for way in (normals[h], up):
+                if goes_on <= SEAM_M:
+                    goes_on = _beyond(x, LIFT_M, normals[m], LIFT_M, way, others)
             if goes_on <= SEAM_M:
                 dropped[m - begin] = True  # A goes on where B ends
             elif not alike:
-                dropped[m - begin] = within(x + out_of_a, own) > SEAM_M
+                dropped[m - begin] = _beyond(x, LIFT_M, normals[h], 0.0, up, own) > SEAM_M
                 if dropped[m - begin] and which[m, 0] == CORNER and which[h, 0] == CORNER:  # a valley, where both rise
-                    c, lift = dot(normals[h], normals[m]), LIFT_M / np.sqrt(0.5 * dot(turned, turned))
+                    c, lift = dot(normals[h], normals[m]), LIFT_M / np.sqrt(0.5 * turned)
                     at = places[h] - gaps[h] * normals[h]
                     up_b, up_a = lift * (normals[h] - c * normals[m]), lift * (normals[m] - c * normals[h])
                     rise = max(within(x + up_b, own), within(x + up_a, others)) <= SEAM_M

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -68,7 +70,7 @@ class Terrain(Displayed):
         self.solids: tuple[Piece | Heights, ...] = tuple([piece_of(str(name), given) for name, given in pieces.items()])
         self._fields = tuple(piece for piece in self.solids if isinstance(piece, Heights))
         self._pieces = [piece for piece in self.solids if isinstance(piece, Piece)]
-        self._known: set[tuple[int, int, int]] = set()
+        self._known: set[tuple[Any, ...]] = set()
         self._arrays: Polytopes | None = None
         self._now: tuple[float, Polytopes] | None = None
         self._planes: dict[tuple[int, ...], int] = {}
@@ -151,7 +153,7 @@ class Terrain(Displayed):
     def heights(
         cls, z: Array, spacing: float | Sequence[float], *, origin: Sequence[float] = (0.0, 0.0), friction: float | None = None
     ) -> Terrain:
-        """A grid of heights: two triangles a cell.
+        """A grid of heights: two triangles a cell, or one square where its corners are in one plane.
 
         Args:
             z: Height at (x, y) = origin + spacing (i, j), shape (n, m) [m].
@@ -326,7 +328,11 @@ class Terrain(Displayed):
             t: Time at which pieces that move are taken [s].
         """
         for number, grid in enumerate(self._fields):
-            for i, j in grid.cells(points.min(axis=0) - far, points.max(axis=0) + far):
+            across = grid.cells(points.min(axis=0) - far, points.max(axis=0) + far)
+            if (number, *across) in self._known:
+                continue
+            self._known.add((number, *across))
+            for i, j in product(*across):
                 if (number, i, j) not in self._known:
                     self._known.add((number, i, j))
                     self._pieces += grid.prisms(i, j)
@@ -393,7 +399,8 @@ class Terrain(Displayed):
         if not np.isfinite(tops[i]):
             raise InputError(f"there is no terrain at x = {x:.4g}, y = {y:.4g} m.")
         near = self.solids[i]
-        pieces = [near] if isinstance(near, Piece) else [p for cell in near.cells(xy, xy + 1e-9) for p in near.prisms(*cell)]
+        cells = () if isinstance(near, Piece) else product(*near.cells(xy, xy + 1e-9))
+        pieces = [near] if isinstance(near, Piece) else [p for cell in cells for p in near.prisms(*cell)]
         p = np.array([x, y, tops[i]])
         best = min((abs(float(f[:3] @ p - f[3])), tuple(f[:3])) for piece in pieces for f in piece.faces if f[2] > 1e-9)
         return plane_at(p, np.array(best[1]), pieces[0].rates)

@@ -81,8 +81,11 @@ def walls_of(n: Array, loop: Array, vertices: Array) -> Array:
     """(m, level) of each edge of a face with a normal n, m . x >= level over the face, shape (edges, 4)."""
     out = np.empty((len(loop), 4))
     for j in range(len(loop)):
-        a = vertices[loop[j]]
-        out[j, :3] = wall(n, a, vertices[loop[(j + 1) % len(loop)]])
+        a, b = vertices[loop[j]], vertices[loop[(j + 1) % len(loop)]]
+        x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        u, v, w = n[1] * z - n[2] * y, n[2] * x - n[0] * z, n[0] * y - n[1] * x
+        size = math.sqrt(max(u * u + v * v + w * w, 1e-300))
+        out[j, 0], out[j, 1], out[j, 2] = u / size, v / size, w / size
         out[j, 3] = dot(out[j], a)
     return out
 
@@ -111,13 +114,9 @@ def _covers(face: Array, loop: Array, vertices: Array, P: Array) -> bool:
 
 
 @compiled
-def _parted(P: Array, up: Array, piece: tuple[Array, ...], margin: float, normal: Array) -> tuple[float, int, bool]:
-    """(separation, number of the face that gives the normal; -1: `up`, -2: edges that cross; whether the plate is over it).
-
-    Writes the normal. Where a plate is over one face, and not below it, no other direction parts them further: none is tried,
-    nor where they are farther apart than the margin.
-    """
-    faces, vertices, _, loops, starts, dirs = piece
+def _faced(P: Array, up: Array, piece: tuple[Array, ...], margin: float, normal: Array) -> tuple[float, int, bool]:
+    """(separation along faces, number of the face, whether the plate is over it); writes its normal."""
+    faces, vertices, _, loops, starts = piece[:5]
     best, carrier = -np.inf, -3
     for f in range(len(faces)):
         s = _lowest(P, faces[f]) - faces[f, 3]
@@ -125,10 +124,14 @@ def _parted(P: Array, up: Array, piece: tuple[Array, ...], margin: float, normal
         if carrier == -3 or s > best + SAME_M or (s > best - SEAM_M and dot(faces[f], up) > dot(normal, up) + ALIKE):
             best, carrier = s, f
             normal[:] = faces[f, :3]
-    k = len(P)
     covered = best <= margin and _covers(normal, loops[starts[carrier] : starts[carrier + 1]], vertices, P)
-    if len(vertices) == 0 or k == 1 or best > margin or (covered and best > -0.25 * SAME_M):
-        return best, carrier, covered
+    return best, carrier, covered
+
+
+@compiled
+def _parted(P: Array, up: Array, piece: tuple[Array, ...], best: float, carrier: int, normal: Array) -> tuple[float, int]:
+    """(separation, number of the face that gives the normal; -1: `up`, -2: edges that cross), from `_faced`; the normal."""
+    vertices, dirs, k = piece[1], piece[5], len(P)
     if k > 2:
         s = _lowest(P, up) + _lowest(vertices, -up)
         if s > best + SAME_M:
@@ -150,7 +153,7 @@ def _parted(P: Array, up: Array, piece: tuple[Array, ...], margin: float, normal
             if bottom - high > best + SAME_M:
                 best, carrier = bottom - high, -2
                 normal[0], normal[1], normal[2] = -u, -v, -w
-    return best, carrier, covered
+    return best, carrier
 
 
 @compiled
@@ -174,21 +177,36 @@ def put(k: int, x: Array, n: Array, gap: float, label: tuple[int, int, int], way
 
 
 @compiled
-def _clipped(x: Array, own: Array, count: int, m: Array, level: float) -> int:
-    """The part of a polygon of `count` corners x with m . x >= level, in place; their number."""
-    y, of = np.empty((count + 2, 3)), np.empty(count + 2, np.int64)
-    kept = 0
+def _clipped(x: Array, own: Array, count: int, m: Array, y: Array, of: Array) -> int:
+    """The part of a polygon of `count` corners x with m . x >= level, m = (m, level), in place; their number.
+
+    y and `of` are room for it, two rows more than x has.
+    """
+    inside, kept = 0, 0
+    for i in range(count):
+        y[i, 0] = dot(m, x[i]) - m[3]
+        inside += y[i, 0] >= -SAME_M
+    if inside == count:
+        return count
+    levels = y[:count, 0].copy()
     for i in range(count):
         h = (i + 1) % count
-        s, t = dot(m, x[i]) - level, dot(m, x[h]) - level
+        s, t = levels[i], levels[h]
         if s >= -SAME_M:
-            y[kept], of[kept] = x[i], own[i]
+            for c in range(3):
+                y[kept, c] = x[i, c]
+            of[kept] = own[i]
             kept += 1
         if count > 1 and ((s > SAME_M and t < -SAME_M) or (s < -SAME_M and t > SAME_M)):
-            y[kept], of[kept] = x[i] + (s / (s - t)) * (x[h] - x[i]), -1
+            for c in range(3):
+                y[kept, c] = x[i, c] + (s / (s - t)) * (x[h, c] - x[i, c])
+            of[kept] = -1
             kept += 1
     kept = min(kept, len(x))
-    x[:kept], own[:kept] = y[:kept], of[:kept]
+    for i in range(kept):
+        own[i] = of[i]
+        for c in range(3):
+            x[i, c] = y[i, c]
     return kept
 
 
@@ -197,11 +215,13 @@ def _edge_of(x: Array, P: Array) -> int:
     """The edge of an outline that is nearest to a point."""
     best, found, k = np.inf, 0, len(P)
     for i in range(k):
-        e, r = P[(i + 1) % k] - P[i], x - P[i]
-        t = min(max(dot(e, r) / max(dot(e, e), 1e-300), 0.0), 1.0)
-        away = r - t * e
-        if dot(away, away) < best:
-            best, found = dot(away, away), i
+        a, b = P[i], P[(i + 1) % k]
+        u, v, w = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        r, s, q = x[0] - a[0], x[1] - a[1], x[2] - a[2]
+        t = min(max((u * r + v * s + w * q) / max(u * u + v * v + w * w, 1e-300), 0.0), 1.0)
+        away = (r - t * u) ** 2 + (s - t * v) ** 2 + (q - t * w) ** 2
+        if away < best:
+            best, found = away, i
     return found
 
 
@@ -234,12 +254,13 @@ def _over(
     k: int, P: Array, number: int, face: Array, loop: Array, vertices: Array, margin: float, out: Spots
 ) -> int:
     """The part of a plate over a face: its corners, crossings of its outline with the face's edges, corners of the face."""
-    n, edges, walls = face[:3].copy(), len(loop), walls_of(face, loop, vertices)
-    x, own, count = np.empty((len(P) + edges, 3)), np.empty(len(P) + edges, np.int64), len(P)
+    n, edges, walls, count = face[:3].copy(), len(loop), walls_of(face, loop, vertices), len(P)
+    most = count + edges
+    x, own, y, of = np.empty((most, 3)), np.empty(most, np.int64), np.empty((most + 2, 3)), np.empty(most + 2, np.int64)
     for i in range(count):
         x[i], own[i] = P[i], i
     for m in walls:
-        count = _clipped(x, own, count, m, m[3])
+        count = _clipped(x, own, count, m, y, of)
     for i in range(count):
         gap = dot(n, x[i]) - face[3]
         if gap > margin:
@@ -351,21 +372,35 @@ def _nearest(
 
 @compiled
 def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: float, out: Spots) -> int:
-    """Adds the points of a plate with one piece; their number."""
-    faces, vertices, edges, loops, starts, _ = piece
+    """Adds the points of a plate with one piece; their number.
+
+    Where a plate is over one face, or level with one that it is partly over, and not below it, no other direction parts them
+    further: none is tried, nor where they are farther apart than the margin. A plate that is farthest from a face that another
+    piece covers is over that piece, whose points are nearer.
+    """
+    faces, vertices, edges, loops, starts, _, inner = piece
     n, size = np.empty(3), len(P)
-    best, carrier, covered = _parted(P, up, piece, margin, n)
-    if best > margin or (size > 2 and dot(n, up) < UPPER):
+    best, carrier, covered = _faced(P, up, piece, margin, n)
+    if best > margin or inner[carrier]:
         return k
-    before, how = k, ON_FACE
-    if carrier >= 0 and covered:
+    before, how, loop = k, ON_FACE, loops[starts[carrier] : starts[carrier + 1]]
+    known = len(vertices) == 0 or size == 1 or (covered and best > -SAME_M)
+    if not known and size > 2 and best > -SAME_M and -_lowest(P, -n) - faces[carrier, 3] < best + 0.25 * SAME_M:
+        k = _over(k, P, carrier, faces[carrier], loop, vertices, margin, out)
+        known = k > before
+    if not known:
+        best, carrier = _parted(P, up, piece, best, carrier, n)
+        if best > margin:
+            return k
+    if size > 2 and dot(n, up) < UPPER:
+        return before
+    if carrier >= 0 and k == before and covered:
         for i in range(size):
             gap = dot(n, P[i]) - faces[carrier, 3]
             if gap <= margin:
                 k = put(k, P[i], n, gap, (CORNER, i, carrier), n, out)
-    elif carrier >= 0:
-        loop = loops[starts[carrier] : starts[carrier + 1]]
-        k = _over(k, P, carrier, faces[carrier], loop, vertices, margin, out)
+    elif carrier >= 0 and k == before:
+        k = _over(k, P, carrier, faces[carrier], loops[starts[carrier] : starts[carrier + 1]], vertices, margin, out)
     elif carrier == -1:
         how = ON_PLATE
         k = under(k, P, up, faces, vertices, edges, margin, out)
@@ -383,7 +418,10 @@ def _on_piece(k: int, P: Array, up: Array, piece: tuple[Array, ...], margin: flo
 def _pierced(k: int, P: Array, up: Array, piece: tuple[Array, ...], out: Spots) -> int:
     """Adds both ends of what is inside a piece of a capsule's axis whose own ends are outside, with the nearest way out."""
     faces, vertices, n, e = piece[0], piece[1], np.empty(3), P[1] - P[0]
-    if min(within(P[0], faces), within(P[1], faces)) <= 0.0 or _parted(P, up, piece, np.inf, n)[0] >= SAME_M:
+    if min(within(P[0], faces), within(P[1], faces)) <= 0.0:
+        return k
+    best, carrier, _ = _faced(P, up, piece, np.inf, n)
+    if _parted(P, up, piece, best, carrier, n)[0] >= SAME_M:
         return k
     low, high, level, first = 0.0, 1.0, -_lowest(vertices, -n), k
     for f in faces:
@@ -464,7 +502,7 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
         out: Written: the points.
     """
     corners, at, ups, radii = plates
-    boxes, faces, vertices, edges, loops, loop_at, dirs, begins, kinds, _ = pieces
+    boxes, faces, vertices, edges, loops, loop_at, dirs, begins, kinds, inner, _ = pieces
     places, normals, gaps, which, _ = out
     k = 0
     low, high = np.empty(3), np.empty(3)
@@ -480,7 +518,9 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
                 continue
             f, v, e, d = begins[i]
             f_end, v_end, e_end, d_end = begins[i + 1]
-            piece = (faces[f:f_end], vertices[v:v_end], edges[e:e_end], loops, loop_at[f : f_end + 1], dirs[d:d_end])
+            piece = (
+                faces[f:f_end], vertices[v:v_end], edges[e:e_end], loops, loop_at[f : f_end + 1], dirs[d:d_end], inner[f:f_end]
+            )  # fmt: skip
             which[k, 3], which[k, 4] = i, k
             k = _shaft(k, P, up, piece, far, out) if radius > 0.0 and len(P) == 2 else _on_piece(k, P, up, piece, far, out)
             if k + 1 >= len(gaps):
@@ -489,7 +529,7 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
             for m in range(begin, k):
                 gaps[m] -= radius
                 places[m] -= radius * normals[m]
-        k = joined(begin, k, up, len(P), faces, begins, kinds, out)
+        k = joined(begin, k, up, len(P), boxes, faces, begins, kinds, out)
         for m in range(begin, k):
             which[m, 5] = plate
     return k
@@ -498,6 +538,6 @@ def _touching(plates: Plates, margin: float, pieces: Polytopes, out: Spots) -> i
 _ROWS, _LIST = array(2, written=True), array(1, written=True)
 _TABLE, _NUMBERS = array(2, COUNT, written=True), array(1, COUNT, written=True)
 PLATES = record(Plates, _ROWS, _NUMBERS, _ROWS, _LIST)
-POLYTOPES = record(Polytopes, _ROWS, _ROWS, _ROWS, _TABLE, _NUMBERS, _NUMBERS, _ROWS, _TABLE, _NUMBERS, _ROWS)
+POLYTOPES = record(Polytopes, _ROWS, _ROWS, _ROWS, _TABLE, _NUMBERS, _NUMBERS, _ROWS, _TABLE, _NUMBERS, _NUMBERS, _ROWS)
 SPOTS = record(Spots, _ROWS, _ROWS, _LIST, _TABLE, _ROWS)
 touching = compiled(_touching, signature(COUNT, PLATES, NUMBER, POLYTOPES, SPOTS))

@@ -16,6 +16,7 @@ from rbd.constraints.surface import On, plane_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.control_log import ControlLog
 from rbd.control.force_tasks import MomentumTask
+from rbd.control.motion_limits import Limits
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
@@ -32,6 +33,8 @@ from rbd.model.state import State
 from rbd.problem.ground import Ground
 from rbd.robots.robot import Robot
 
+MARGIN = 1e-4
+"""Joints stop so far before their limits [rad, m]: positions drift by some 1e-5 while torques are held."""
 OFF, FAR = 0.02, 0.04
 """A capture point that is so far off the plan's, over h, makes a new plan; one that may also hurry feet ..."""
 ROLLS = 0.115
@@ -164,7 +167,9 @@ class Walk(Displayed):
         self._check_strength()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
         self._again = -math.inf
-        self._control = WholeBodyController(self._tasks(R), self.contacts, schedule=self.plan.schedule, robot=model)
+        self._control = WholeBodyController(
+            self._tasks(R), self.contacts, schedule=self.plan.schedule, robot=model, limits=Limits(margin=MARGIN)
+        )
 
     @property
     def duration(self) -> float:
