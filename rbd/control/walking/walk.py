@@ -44,8 +44,12 @@ AGAIN = 0.25
 SIZE = 0.877
 """Costs and gains of tasks are those of a robot of this h [m]; on four feet they grow with smaller h, as lengths and times do.
 On two they do not: with larger ones G1 (h = 0.67 m) fell after pushes that it takes up with these."""
+LIFTS = 20.0
+"""Acceleration by which the centre of mass is lifted in sqrt(h / g) for each metre that it is too low [1/s2]."""
 STARTS = 3.0
 """When the first foot is lifted [sqrt(h / g)]."""
+WEAK = 1.15
+"""A plan that takes more than so many times the torque limits is refused: one that takes less is followed a little lower."""
 RISE = 0.18
 """A foot is put at most so much higher or lower than the others, over h."""
 REACHED = 0.1
@@ -163,10 +167,10 @@ class Walk(Displayed):
         else:
             planned = self._given(steps)
         self._first = self._planner.over(planned)
+        self._check_roll()
         self._check_reach()
-        self._check_strength()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
-        self._again = -math.inf
+        self._again, self._seen, self._lift = -math.inf, math.inf, np.zeros(3)
         self._control = WholeBodyController(
             self._tasks(R), self.contacts, schedule=self.plan.schedule, robot=model, limits=Limits(margin=MARGIN)
         )
@@ -189,6 +193,7 @@ class Walk(Displayed):
     def reset(self) -> None:
         """Forget the motion until now."""
         self.plan, self._again, self.plans = self._first, -math.inf, []
+        self._seen, self._lift = math.inf, np.zeros(3)
         self._control.reset()
 
     def accepted(self, step: AcceptedStep) -> None:
@@ -199,6 +204,7 @@ class Walk(Displayed):
             NoSolution: no torques were found.
         """
         if self.adapts and not self.gait.flies:
+            self._weigh(step.state, step.t)
             self._adapt(step.state, step.t)
         self._control.accepted(step)
 
@@ -271,13 +277,14 @@ class Walk(Displayed):
         return out
 
     def _check_reach(self) -> None:
-        """Refuse footsteps at whose beginning or end there is no pose with feet and centre of mass where they are planned."""
+        """Refuse footsteps without poses that have feet and centre of mass where they are planned, or that are too weak there."""
         plan, near = self._first, self.state
         for step in plan.footsteps:
-            for t in (step.start, step.end):
+            for t in np.linspace(step.start, step.end, 4).tolist():
                 targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
+                    self._check_strength(near, t)
                 except CannotReach as error:
                     worst = max((max(miss.distance, 0.1 * miss.angle) for miss in error.misses.values()), default=math.inf)
                     if worst < REACHED * self._planner.h:
@@ -291,26 +298,30 @@ class Walk(Displayed):
                         f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
 
-    def _check_strength(self) -> None:
-        """Refuse plans that roll the body far, or take more than the torque limits: tau = -J^T f at points, standing."""
-        robot, plan, points = self.robot, self._first, [len(foot.corners) for foot in self.contacts]
-        roll = max(abs(float(self.state.frame(self._base).X_WF.rotation[:, 0] @ plan.tilt(t, 0.0)[0])) for t in plan.t)
+    def _check_roll(self) -> None:
+        """Refuse plans that roll the body far."""
+        plan, x = self._first, self.state.frame(self._base).X_WF.rotation[:, 0]
+        roll = max(abs(float(x @ plan.tilt(t, 0.0)[0])) for t in plan.t)
         if roll > ROLLS:
             raise InputError(
-                f"in this gait the body of {robot.name} would roll by {roll:.2f} rad; at most {ROLLS} is taken. Give another "
+                f"in this gait the body of {self.robot.name} would roll by {roll:.2f} rad; at most {ROLLS} is taken. Give another "
                 "gait, or a rbd.control.Gait with shorter swings."
             )
-        if max(points) > 1:  # of soles the plan's points are where ankles carry
-            return
-        offsets = [foot.placement.act(foot.corners[0]) for foot in self.contacts]
-        J = np.array([self.state.frame(f.frame, p).J[:3, robot.motors] for f, p in zip(self.contacts, offsets, strict=True)])
-        use = robot.torque_use(-np.einsum("nkd,kdj->nj", plan.centroid.forces, J))
-        k, j = np.unravel_index(int(use.argmax()), use.shape)
-        if use[k, j] > 1.0:
+
+    def _check_strength(self, pose: State, t: float) -> None:
+        """Refuse what takes more than the torque limits: tau = J_c^T F - sum J_i^T f_i, all bodies accelerated alike."""
+        robot, plan = self.robot, self._first
+        forces = plan.centroid.forces[min(int(np.searchsorted(plan.t, t)), len(plan.centroid.forces) - 1)]
+        places = [(f, f.placement.act(p)) for f in self.contacts for p in self._planner.points[f.name]]
+        J = np.array([pose.frame(f.frame, p).J[:3, robot.motors] for f, p in places])
+        of_com = pose.centroidal()[0][:3, robot.motors] / robot.mass
+        use = robot.torque_use((forces.sum(axis=0) @ of_com - np.einsum("kd,kdj->j", forces, J))[None])[0]
+        j = int(use.argmax())
+        if use[j] > WEAK:
             raise InputError(
-                f"{robot.name} is too weak for this walk: at {plan.t[k]:.2f} s the plan's forces take {use[k, j]:.2f} times "
-                f"the torque limit of {robot.joints.at_v(int(np.arange(robot.nv)[robot.motors][j])).name!r}. Give a gait with "
-                "more feet on the ground, or a slower velocity."
+                f"{robot.name} is too weak for this walk: at {t:.2f} s the plan's forces take {use[j]:.2f} times the torque limit "
+                f"of {robot.joints.at_v(int(np.arange(robot.nv)[robot.motors][j])).name!r}. Give a gait with more feet on the "
+                "ground, lower stairs, or a slower velocity."
             )
 
     def _adapt(self, state: State, t: float) -> None:
@@ -335,8 +346,15 @@ class Walk(Displayed):
         off = (state.com - known.value) + self._planner.unit * (v - known.velocity)
         return float(np.linalg.norm(off[:2])) / self._planner.h
 
+    def _weigh(self, state: State, t: float) -> None:
+        """Take up what a model weighs too much or too little: the integral of how far c is too low, as an acceleration."""
+        low = float(self.plan.com(t).value[2] - state.com[2])
+        self._lift[2] += LIFTS * low * max(t - self._seen, 0.0) / self._planner.unit
+        self._seen = t
+
     def _com(self, t: float) -> Reference:
-        return self.plan.com(t)
+        known = self.plan.com(t)
+        return known._replace(acceleration=np.asarray(known.acceleration) + self._lift)
 
     def _momentum(self, t: float) -> Reference:
         return self.plan.momentum(t)
@@ -353,6 +371,7 @@ class Walk(Displayed):
         """Where a foot in the air is to be; of a point its place alone."""
         swing = self.plan.swing(foot.name, t)
         X, v, a = (self.plan.poses[foot.name], np.zeros(6), np.zeros(6)) if swing is None else swing.at(t)
+        a[:3] += self._lift
         if len(foot.corners) == 1:
             return Reference(X.translation, v[:3], a[:3])
         return Reference(pin.SE3(X.rotation @ foot.placement.rotation.T, X.translation), v, a)
