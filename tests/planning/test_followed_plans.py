@@ -1,0 +1,62 @@
+"""Plans with flights, followed: they land, early and late, and stand at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.model.state import state_at
+from rbd.planning import Plan
+from rbd.planning.stays import centre_of
+
+LIFT, LAND, END = 0.4, 0.7, 1.1
+
+
+@pytest.fixture(scope="module", params=["solo12", "go2"])
+def hop(request: pytest.FixtureRequest) -> Plan:
+    """Nothing stands from 0.4 to 0.7 s; the centre of mass rises by 11 cm."""
+    robot = rbd.load_robot(request.param)
+    stand = robot.standing()
+    low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.06, 0.02))
+    keys = {0.0: stand, 0.25: low, LIFT: off, LAND: off, 0.85: low, END: stand}
+    return rbd.plan(robot, keys, {foot.name: [(0.0, LIFT), (LAND, END)] for foot in robot.feet()}, progress=False)
+
+
+def followed(plan: Plan, start: float = 0.0, ground: float = 0.0) -> tuple[rbd.control.ControlLog, rbd.Trajectory]:
+    """From a time of the plan on, over a floor at a height, to half a second after its end."""
+    controller, state = rbd.control.follow(plan), plan.state(start)
+    run = rbd.simulate(
+        state_at(plan.robot, state.q, state.v, start), plan.robot.feet(friction=0.6, on=ground),
+        duration=END + 0.5 - start, step=1e-3, controller=controller, progress=False,
+    )  # fmt: skip
+    return controller.log, run
+
+
+def test_a_hop_is_followed_to_its_end(hop: Plan):
+    """No violated step; it lands where it is to, within 5 mm of the plan at all times, and stands as planned."""
+    log, run = followed(hop)
+    assert log.violations == 0
+    off = [np.abs(run.com[i] - hop.state(min(run.t[i], END)).com).max() for i in range(0, len(run.t), 20)]
+    assert max(off) < 5e-3
+    assert run.com[-1] == pytest.approx(hop.state(END).com, abs=1e-5)
+    for foot in hop.robot.feet():
+        assert np.linalg.norm(centre_of(run.state(-1), foot).translation - centre_of(hop.state(END), foot).translation) < 1e-3
+
+
+@pytest.mark.parametrize("ground", [-0.02, 0.02])
+def test_a_hop_lands_early_and_late(hop: Plan, ground: float):
+    """From the top of its flight onto a floor 2 cm higher or lower than planned: feet touch when they fall onto it.
+
+    A step of control is taken then, between those that are 4 ms apart.
+    """
+    log, run = followed(hop, 0.55, ground)
+    assert log.violations == 0
+    feet = hop.robot.feet(on=ground)
+    touched = next(t for i, t in enumerate(run.t) if min(foot.points(run.state(i)).gaps[0] for foot in feet) < 1e-5)
+    speed = 9.81 * 0.5 * (LAND - LIFT)
+    assert abs(touched - (LAND - ground / speed)) < 0.02 and (touched < LAND) == (ground > 0.0)
+    between = [t for t in log.t[1:] if abs(t / 4e-3 - round(t / 4e-3)) > 1e-6]
+    assert between and all(-1e-9 <= t - touched < 6e-3 for t in between)
+    gaps = [foot.points(run.state(-1)).gaps[0] for foot in feet]
+    assert np.abs(gaps).max() < 1e-4 and np.abs(run.v[-1]).max() < 0.02
