@@ -46,8 +46,9 @@ FACETS = 8
 """Of the pyramids inside the friction cones: with four, quick clips on one foot fall."""
 BRIDGED = 0.1
 """No foot carries for less than this [s] where a motion does not fly, but changes feet."""
-NEAREST, BRAKES = 1e-3, 1.5
-"""Joints count as no nearer to their limits [rad, m]; and may brake by this many times the most that the motion needs."""
+NEAREST, BRAKES = 1e-3, 2.0
+"""Joints count as no nearer to their limits [rad, m]; `Limits.braking` over the deceleration that the motion needs, of which
+limits count on three quarters."""
 _EVERY = 5e-3  # s between samples; the motion goes on from the nearest one with constant acceleration
 
 
@@ -301,14 +302,15 @@ def follow(
     if isinstance(ground := member(motion, "ground"), Terrain):
         feet, friction = [foot.with_ground(ground) for foot in feet], friction if ground.friction is None else ground.friction
     contacts = [foot.with_friction(friction, facets=FACETS) for foot in feet]
-    return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot, limits=_limits(model, q, v))
+    return WholeBodyController(tasks, contacts, schedule=schedule, every=every, robot=robot, limits=_limits(model, q, v, a))
 
 
-def _limits(robot: CheckedModel, q: Array, v: Array) -> Limits:
-    """Limits that let joints come as near to the ends of their ranges at speed as the motion itself does."""
+def _limits(robot: CheckedModel, q: Array, v: Array, a: Array) -> Limits:
+    """Limits within which joints come as near to the ends of their ranges at speed as the motion itself does."""
     usual = Limits()
-    joints = usual.joints(robot)
-    x, speed = q[:, joints.q], v[:, joints.at]
-    room = np.where(speed > 0.0, joints.highest - x, x - joints.lowest)
-    needs = speed**2 / (2.0 * np.maximum(room, NEAREST))
+    joints, d = usual.joints(robot), usual.horizon
+    x, speed, sign = q[:, joints.q], np.abs(v[:, joints.at]), np.sign(v[:, joints.at])
+    then = speed + d * sign * a[:, joints.at]
+    room = np.where(sign > 0.0, joints.highest - x, x - joints.lowest) - 0.5 * d * (speed + then)
+    needs = np.maximum(then, 0.0) ** 2 / (2.0 * np.maximum(room, NEAREST))
     return replace(usual, braking=max(usual.braking, BRAKES * float(needs.max(initial=0.0))))

@@ -28,6 +28,8 @@ STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
 AIR = 8
 """How stiffly poses follow the plan's forces, from pass to pass; steps of Gauss-Newton in each; and
 how many more passes as the last but one there are where nothing stands for a time."""
+FLYING = 5.0
+"""What is missing on the base weighs so much more where nothing stands: no force takes up the rest."""
 FOLLOWS = 0.6
 """From pass to pass the plan's centre of mass stays nearer to that of the poses, by this: legs do not become longer."""
 LOADED, UNLOADS = 0.25, 0.15
@@ -36,7 +38,7 @@ SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 ENDS = 0.1
 """Within this the first and the last poses come to those of keyframes, which least squares do not meet exactly [s]."""
-NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e4
+NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e6
 """Poses of keyframes, those of plans with flights, and those at the ends weigh so much more than those of other knots."""
 
 
@@ -160,7 +162,8 @@ class Knots:
                 least, program = None, replace(program, least=None)  # some have to press with less
                 plan = program.solve(plan)
             goals = Goals(R_at, p_at, free, plan.com, wrenches_on(plan, places, group, p), owed=owed + bent)
-            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, stiff)
+            heavy = stiff * np.where(self.on.any(axis=1), 1.0, FLYING)
+            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy)
             sweep = Sweep.of(robot, q, self.dt)
             on_curve = _through(sweep)
             bent = _bent(sweep, on_curve, self.t)

@@ -119,7 +119,8 @@ class PlannedContacts:
         nodes.sort(key=lambda node: node[0])
         for (_, start, a, stood), (end, _, b, stands) in zip(nodes[:-1], nodes[1:], strict=True):
             rise = b.translation[2] - a.translation[2]
-            top = max(a.translation[2], b.translation[2]) + (self.lift if stood and stands else 0.0)
+            lifts = stood and stands and self._flight(0.5 * (start + end)) is None  # else it rises with the body
+            top = max(a.translation[2], b.translation[2]) + self.lift * lifts
             way = Swing(a, b, start, end - start, top)
             if stood and stands and abs(rise) > 0.5 * self.lift:
                 way = replace(way, forward=(0.3, 0.75), high=(0.4, 0.65))

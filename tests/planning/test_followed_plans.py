@@ -8,6 +8,7 @@ import pytest
 import rbd
 from rbd.model.state import state_at
 from rbd.planning import Plan
+from rbd.planning.certificate import FALLS
 from rbd.planning.stays import centre_of
 
 LIFT, LAND, END = 0.4, 0.7, 1.1
@@ -39,7 +40,7 @@ def test_a_hop_is_followed_to_its_end(hop: Plan):
     assert log.violations == 0
     off = [np.abs(run.com[i] - hop.state(min(run.t[i], END)).com).max() for i in range(0, len(run.t), 20)]
     assert max(off) < 5e-3
-    assert run.com[-1] == pytest.approx(hop.state(END).com, abs=1e-5)
+    assert run.com[-1] == pytest.approx(hop.state(END).com, abs=1e-4)
     for foot in hop.robot.feet():
         assert np.linalg.norm(centre_of(run.state(-1), foot).translation - centre_of(hop.state(END), foot).translation) < 1e-3
 
@@ -60,3 +61,24 @@ def test_a_hop_lands_early_and_late(hop: Plan, ground: float):
     assert between and all(-1e-9 <= t - touched < 6e-3 for t in between)
     gaps = [foot.points(run.state(-1)).gaps[0] for foot in feet]
     assert np.abs(gaps).max() < 1e-4 and np.abs(run.v[-1]).max() < 0.02
+
+
+def test_a_humanoid_hops():
+    """G1 rises by 11 cm, its soles by 7: proved; torques alone hold its feet; it lands and stands, nothing violated."""
+    g1 = rbd.load_robot("g1")
+    stand = g1.standing()
+    low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.10, 0.06))
+    keys = {0.0: stand, 0.4: low, 0.6: off, 0.9: off, 1.1: low, 1.5: stand}
+    plan = rbd.plan(g1, keys, {foot.name: [(0.0, 0.6), (0.9, 1.5)] for foot in g1.feet()}, progress=False)
+    assert plan.proved and plan.missing < FALLS and plan.torque_use < 1.0
+    assert plan.state(0.75).com[2] - plan.state(0.6).com[2] == pytest.approx(9.81 * 0.3**2 / 8.0, abs=2e-3 * 9.81 * 0.3**2)
+    soles = g1.feet(friction=0.6, on=0.0)
+    assert min(sole.points(plan.state(0.75)).gaps.min() for sole in soles) > 0.07
+    assert rbd.check_motion(plan.motion).possible.all()
+    run = rbd.simulate(plan.state(0.0), soles, duration=0.5, step=1e-3, controller=plan.schedule, progress=False)
+    for sole in soles:
+        assert np.linalg.norm(centre_of(run.state(-1), sole).translation - centre_of(plan.state(0.0), sole).translation) < 1e-4
+    controller = rbd.control.follow(plan)
+    run = rbd.simulate(plan.state(0.0), soles, duration=2.0, step=1e-3, controller=controller, progress=False)
+    assert controller.log.violations == 0
+    assert run.com[-1] == pytest.approx(plan.state(1.5).com, abs=1e-4)

@@ -371,4 +371,5 @@ def test_over_a_gap(solo: rbd.Robot, exhaustive: bool):
     assert controller.log.violations == 0
     assert run.com[-1] == pytest.approx(plan.state(1.3 * n).com, abs=1e-4)
     for foot in on:
-        assert centre_of(run.state(-1), foot).translation == pytest.approx(centre_of(plan.state(1.3 * n), foot).translation, abs=1e-3)
+        off = centre_of(run.state(-1), foot).translation - centre_of(plan.state(1.3 * n), foot).translation
+        assert np.linalg.norm(off) < 1e-3

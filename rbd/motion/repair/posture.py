@@ -197,7 +197,7 @@ class Reference:
 
 
 def posed(
-    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int, stiff: float = 1.0
+    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int, stiff: Array | float = 1.0
 ) -> tuple[Array, Sweep, float]:
     """(poses, their sweep before the last step, the length of that) after some steps of Gauss-Newton.
 
@@ -208,7 +208,7 @@ def posed(
         goals: What they are to reach; without wrenches, stances may move along the floor and turn on it.
         bodies: Pairs of bodies that are kept apart.
         turns: How many steps.
-        stiff: Share of the weight of what is missing on the base.
+        stiff: Share of the weight of what is missing on the base; of each frame, shape (n,), or of all.
     """
     robot, dt, loose = reference.robot, reference.dt, goals.wrenches is None
     unit = foot_units(feet, goals.free, loose)
@@ -295,7 +295,7 @@ def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
     normal.g[:, k] += w * (np.clip(x, low, high) - x)
 
 
-def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float, owed: Array | float) -> None:
+def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: Array | float, owed: Array | float) -> None:
     """What is missing on the base, and torques beyond their share of the limits; both by three frames."""
     robot, dt, need = sweep.robot, sweep.dt, sweep.need[1:-1]
 
@@ -305,8 +305,8 @@ def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float
         inertia, damping = M / dt**2, by_v / (2.0 * dt)
         return [inertia - damping, by_q - 2.0 * inertia, inertia + damping]
 
-    w = stiff / (MISSING * wrench_scale(robot))
-    normal.add_inner([w[:, None] * x for x in by(slice(None), slice(6))], -w * (sweep.need[:, :6] + owed)[1:-1])
+    w = np.broadcast_to(stiff, len(sweep.q))[1:-1, None] / (MISSING * wrench_scale(robot))
+    normal.add_inner([w[:, :, None] * x for x in by(slice(None), slice(6))], -w * (sweep.need[:, :6] + owed)[1:-1])
     least, most = (TORQUE_SHARE * x[1:-1] for x in reference.torques(sweep.v))
     tau = need[:, robot.actuated]
     over = np.maximum(tau - most, 0.0) + np.minimum(tau - least, 0.0)
