@@ -137,7 +137,7 @@ class PlannedContacts:
         return float(np.linalg.norm(self.robot.gravity) * T**2 / 8.0 * (1.0 + LAG) * y**2 / (y + LAG))
 
     def paths(self, t: Array) -> tuple[Array, Array, Array]:
-        """(R, p, free) of contacts' axes at times: shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F), 0 where they stand."""
+        """(R, p, free) of contacts' axes at times: shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F); see `Goals.free`."""
         n, F = len(t), len(self.contacts)
         R, p, free = np.empty((n, F, 3, 3)), np.empty((n, F, 3)), np.zeros((n, F))
         for i, (contact, own) in enumerate(zip(self.contacts, self.stays, strict=True)):
@@ -150,6 +150,8 @@ class PlannedContacts:
                     X = way.at(way.start + u * way.T)[0]
                     edges = [v for v, counts in ((u, stood), (1.0 - u, stands)) if counts]
                     free[k, i] = np.prod(blend(np.array(edges) / LEAVES))
+                    if not any(s.start > x for s in own):
+                        free[k, i] *= 2.0  # it stands no more
                     flight = self._flight(x)
                     if flight is not None:  # feet rise with the body
                         X = pin.SE3(X.rotation, X.translation + [0.0, 0.0, flight])

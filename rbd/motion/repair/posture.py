@@ -33,7 +33,7 @@ KEPT = np.array([5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3])
 GRASP = 0.4 * KEPT
 """The same of second hands, in the axes that first ones give them."""
 SWINGS, SOON_FREE = 0.006, 0.25
-"""In the air it costs as many times less, from where a foot is this free on."""
+"""In the air it costs as many times less, from where a foot is this free on; and again as many times less where it is 2."""
 COM_M, COM_LOOSE = np.array([2e-3, 2e-3, 0.05]), np.array([0.03, 0.03, 0.05])
 """Of the centre of mass [m]; where stances are loose."""
 MISSING = 4e-3
@@ -63,7 +63,7 @@ class Goals:
     Attributes:
         R: Orientations of feet, shape (n, F, 3, 3).
         p: Their origins, shape (n, F, 3) [m].
-        free: How free they are, 0 in stances, shape (n, F).
+        free: How free they are, 0 in stances, 1 on their way to the next, 2 if there is none, shape (n, F).
         com: Centre of mass, shape (n, 3) [m].
         wrenches: Forces on the feet and moments about p, in W, shape (n, F, 2, 3) [N, N m]; None: none is known.
         kept: Frames whose poses stay as they are.
@@ -276,7 +276,7 @@ def _pose_rows(normal: Normal, sweep: Sweep, feet: Feet, R: Array, p: Array, uni
 
 def foot_units(feet: Feet, free: Array, loose: bool) -> Array:
     """Errors of feet that cost one, shape (n, F, 6), by how free they are, shape (n, F)."""
-    air = FOOT / SWINGS ** np.minimum(free / SOON_FREE, 1.0)[..., None]
+    air = FOOT / SWINGS ** (np.minimum(free / SOON_FREE, 1.0) + np.maximum(free - 1.0, 0.0))[..., None]
     unit = np.where(free[..., None] == 0.0, LOOSE if loose else FOOT, air)
     return np.where(feet.flat[:, None] | (np.arange(6) < 3), unit, np.inf)
 
