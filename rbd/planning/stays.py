@@ -150,8 +150,8 @@ class PlannedContacts:
                     X = way.at(way.start + u * way.T)[0]
                     edges = [v for v, counts in ((u, stood), (1.0 - u, stands)) if counts]
                     free[k, i] = np.prod(blend(np.array(edges) / LEAVES))
-                    if not any(s.start > x for s in own):
-                        free[k, i] *= 2.0  # it stands no more
+                    if not stood and not any(s.start > x for s in own):
+                        free[k, i] = 2.0  # it stands no more
                     flight = self._flight(x)
                     if flight is not None:  # feet rise with the body
                         X = pin.SE3(X.rotation, X.translation + [0.0, 0.0, flight])
