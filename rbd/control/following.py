@@ -248,7 +248,7 @@ def follow(
         >>> run = rbd.simulate(wave.state(0), talos.soles(), duration=0.6, step=4e-3, controller=controller, progress=False)
         >>> off = rbd.motion.MotionDifference.of(run, wave)
         >>> print(f"base {1e3 * np.abs(off.base).max():.1f} mm, joints {off.joint_rms:.4f} rad")
-        base 0.9 mm, joints 0.0077 rad
+        base 0.8 mm, joints 0.0076 rad
     """
     checked_motion(motion)
     check_model("follow", robot)
