@@ -261,15 +261,13 @@ class ContactWatch:
         since, over = dict[str, float](), list[str]()
         for contact in self.contacts:
             name = contact.name
-            some, whole, near = self._touches(contact, step, self.schedule.part(name, t))
             wanted = self.schedule.wants(name, t)
+            some, whole, counts = self._counts(contact, step)
             if wanted:
                 planned.append(name)
             if some:
                 touching.append(name)
-            soon = wanted or self.schedule.wants(name, t + self.schedule.fade)
-            held = whole or (near and name in self.since) or (some and soon)
-            if held and (wanted or self._late_in_swing(name, t)):
+            if counts:
                 since[name] = -math.inf if begins else self._since(name, t)
                 if not wanted:
                     different.append((name, "early"))
@@ -291,6 +289,19 @@ class ContactWatch:
         self.since = since
         self._until |= dict.fromkeys(since, t)
         return SeenContacts(tuple(planned), tuple(touching), since, different)
+
+    def lands(self, step: AcceptedStep) -> bool:
+        """Whether a contact counts that did not when the last step of control was taken."""
+        return any(self._counts(c, step)[2] for c in self.contacts if c.name not in self.since and c.name not in self._always)
+
+    def _counts(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
+        """Whether some of a contact's points touch, whether all do, and whether it is counted on."""
+        name, t = contact.name, step.t
+        some, whole, near = self._touches(contact, step, self.schedule.part(name, t))
+        wanted = self.schedule.wants(name, t)
+        soon = wanted or self.schedule.wants(name, t + self.schedule.fade)
+        held = whole or (near and name in self.since) or (some and soon)
+        return some, whole, held and (wanted or self._late_in_swing(name, t))
 
     def _check_given(self, step: AcceptedStep) -> None:
         """Refuse a simulation without any contact, where one is wanted: nothing would carry what the controller counts on.

@@ -115,7 +115,8 @@ class WholeBodyController(Displayed):
             body touch.
         schedule: When contacts are wanted; None: always.
         limits: Limits of torques, joint positions and velocities.
-        every: Time between two steps of control [s]; None: every step of the simulation is one.
+        every: Time between two steps of control [s]; None: every step of the simulation is one. Where a contact lands between
+            two, one is taken at once: held torques that slow a foot down in the air would lift it again.
         contact_damping: k: velocities of contacts decay at this rate [1/s]; well below 1 over the time between two steps.
         early: After this share of a swing, a contact that touches has landed.
         robot: The model with which it computes, of the same joints; None: the robot that is simulated. With a nominal model a
@@ -225,7 +226,7 @@ class WholeBodyController(Displayed):
             step = replace(step, state=step.state.on(self.robot))
         if self.every is not None:
             sample = sample_at(step.t, self.every)
-            if sample == memory.sample:
+            if sample == memory.sample and not memory.watch.lands(step):
                 return
             memory.sample = sample
         self._check_horizon(step.h)

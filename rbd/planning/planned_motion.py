@@ -41,12 +41,13 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-RATES = (50.0, 100.0, 200.0)
-"""Knots a second that are tried in turn; the last where nothing stands for a time."""
+RATES, FLYING_RATES = (50.0, 100.0), (300.0, 400.0)
+"""Knots a second that are tried in turn; and where nothing stands for a time."""
 FRICTION_SHARE = 0.86
 """Share of the friction with which poses and forces are sought."""
-COM = 0.02
-"""Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]."""
+COM, FLYING_COM = 0.02, 0.005
+"""Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]; and where nothing stands for a time:
+with more it leaves the ground on legs that are nearly straight, and they have no way left on which to come to rest."""
 SAMPLED = 200.0
 """Frames a second of a plan's motion."""
 
@@ -251,7 +252,8 @@ def plan(
             the first and the last, and passes near the others.
         contacts: {foot or contact: [(start, end), ...]}: when it stands [s], True for all the time. Where it stands the
             keyframes within that time say. Feet are given by name; other contacts as `rbd.PointContact(...)`,
-            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to 5 ms apart.
+            `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to
+            2.5 ms apart.
         friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
@@ -283,14 +285,14 @@ def plan(
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
-    costs = CentroidCosts(com=COM) if cost is None else cost
     supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
+    costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if cost is None else cost
     _check_rest(supports, limits)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
     found, failed = list[Plan](), None
     with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
         first, last = supports.keys[0][0], supports.keys[-1][0]
-        rates = RATES[-1:] if supports.flies else RATES[:-1]
+        rates = FLYING_RATES if supports.flies else RATES
         for i, rate in enumerate(rates):
             bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
             t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)

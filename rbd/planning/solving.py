@@ -18,7 +18,7 @@ from rbd.motion.frame_terms import placements
 from rbd.motion.reference_motion import minimum_jerk
 from rbd.motion.repair.feet import Feet, blend, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
-from rbd.motion.repair.posture import Goals, Reference, posed
+from rbd.motion.repair.posture import LIMIT_ROOM, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.curve import Curve
@@ -28,15 +28,20 @@ STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
 AIR = 8
 """How stiffly poses follow the plan's forces, from pass to pass; steps of Gauss-Newton in each; and
 how many more passes as the last but one there are where nothing stands for a time."""
+FLYING = 5.0
+"""What is missing on the base weighs so much more where nothing stands: no force takes up the rest."""
 FOLLOWS = 0.6
 """From pass to pass the plan's centre of mass stays nearer to that of the poses, by this: legs do not become longer."""
 LOADED, UNLOADS = 0.25, 0.15
 """Contacts press with this share of what they carry of the weight on average; and how long they take to come to that [s]."""
 SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
+NEARER = LIMIT_ROOM - 2e-3
+"""Where keyframes have joints so, they come nearer to their limits than elsewhere, by this at most [rad]: the spline goes a
+little beyond its knots. Keyframes at the ends are met exactly."""
 ENDS = 0.1
 """Within this the first and the last poses come to those of keyframes, which least squares do not meet exactly [s]."""
-NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e4
+NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e6
 """Poses of keyframes, those of plans with flights, and those at the ends weigh so much more than those of other knots."""
 
 
@@ -132,7 +137,9 @@ class Knots:
         k = np.flatnonzero(reference.index >= 0)
         of_keys = np.array([state.q for _, state in self.supports.keys])[:, reference.index[k]]
         low, high = reference.low.copy(), reference.high.copy()
-        low[k], high[k] = np.minimum(low[k], of_keys.min(axis=0)), np.maximum(high[k], of_keys.max(axis=0))
+        ends = of_keys[[0, -1]]
+        low[k] = np.minimum(np.clip(of_keys.min(axis=0), low[k] - NEARER, low[k]), ends.min(axis=0))
+        high[k] = np.maximum(np.clip(of_keys.max(axis=0), high[k], high[k] + NEARER), ends.max(axis=0))
         reference = replace(reference, q=self.q, weight=weight, low=low, high=high)
         sweep, plan, q = Sweep.of(robot, self.q, self.dt), None, self.q
         mu = self.friction * float(self.coefficients.min())
@@ -160,7 +167,8 @@ class Knots:
                 least, program = None, replace(program, least=None)  # some have to press with less
                 plan = program.solve(plan)
             goals = Goals(R_at, p_at, free, plan.com, wrenches_on(plan, places, group, p), owed=owed + bent)
-            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, stiff)
+            heavy = stiff * np.where(self.on.any(axis=1), 1.0, FLYING)
+            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy)
             sweep = Sweep.of(robot, q, self.dt)
             on_curve = _through(sweep)
             bent = _bent(sweep, on_curve, self.t)

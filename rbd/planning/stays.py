@@ -119,7 +119,8 @@ class PlannedContacts:
         nodes.sort(key=lambda node: node[0])
         for (_, start, a, stood), (end, _, b, stands) in zip(nodes[:-1], nodes[1:], strict=True):
             rise = b.translation[2] - a.translation[2]
-            top = max(a.translation[2], b.translation[2]) + (self.lift if stood and stands else 0.0)
+            lifts = stood and stands and self._flight(0.5 * (start + end)) is None  # else it rises with the body
+            top = max(a.translation[2], b.translation[2]) + self.lift * lifts
             way = Swing(a, b, start, end - start, top)
             if stood and stands and abs(rise) > 0.5 * self.lift:
                 way = replace(way, forward=(0.3, 0.75), high=(0.4, 0.65))
@@ -136,7 +137,7 @@ class PlannedContacts:
         return float(np.linalg.norm(self.robot.gravity) * T**2 / 8.0 * (1.0 + LAG) * y**2 / (y + LAG))
 
     def paths(self, t: Array) -> tuple[Array, Array, Array]:
-        """(R, p, free) of contacts' axes at times: shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F), 0 where they stand."""
+        """(R, p, free) of contacts' axes at times: shapes (n, F, 3, 3), (n, F, 3) [m] and (n, F); see `Goals.free`."""
         n, F = len(t), len(self.contacts)
         R, p, free = np.empty((n, F, 3, 3)), np.empty((n, F, 3)), np.zeros((n, F))
         for i, (contact, own) in enumerate(zip(self.contacts, self.stays, strict=True)):
@@ -149,6 +150,8 @@ class PlannedContacts:
                     X = way.at(way.start + u * way.T)[0]
                     edges = [v for v, counts in ((u, stood), (1.0 - u, stands)) if counts]
                     free[k, i] = np.prod(blend(np.array(edges) / LEAVES))
+                    if not stood and not any(s.start > x for s in own):
+                        free[k, i] = 2.0  # it stands no more
                     flight = self._flight(x)
                     if flight is not None:  # feet rise with the body
                         X = pin.SE3(X.rotation, X.translation + [0.0, 0.0, flight])

@@ -245,8 +245,8 @@ class GroundDynamics:
             state: Any state.
         """
         k = sum(len(source.joint) for source in sources)
-        if not k or k != len(layout.owners) or any(source.surface is not None for source in sources):
-            return None
+        if not k or k != len(layout.owners) or any(s.surface is not None or not len(s.joint) for s in sources):
+            return None  # nor where one has no point, as a hand off its rail
         if not (layout.mu > 0.0).all():  # of bilateral rows, and of sets that are no circular cones
             return None
         touching = TouchingPoints.prepared(state.robot, sources)

@@ -11,6 +11,7 @@ from rbd.arrays import Array
 from rbd.errors import FrameNotFound, InputError
 from rbd.motion import CAUSES, Motion, check_motion, minimum_jerk
 from rbd.motion.repair.feet import Feet
+from rbd.motion.repair.sweep import Sweep
 
 ARMS = {"left_shoulder_pitch_joint": -1.2, "right_shoulder_pitch_joint": -0.6, "waist_yaw_joint": 0.3}
 
@@ -216,3 +217,13 @@ def test_bad_input(wave: Motion) -> None:
         report.repaired(keep=["left_hand_of_nobody"])
     with pytest.raises(InputError, match="expected 8 frames or more"):
         check_motion(tilted(wave, 5.0).cut(0.0, 0.05)).repaired()
+
+
+def test_forces_of_contacts_on_one_body_add_up() -> None:
+    """Toes and sole of one foot push it together: what is missing is that of the sum, not of the last."""
+    solo = rbd.load_robot("solo12")
+    q, rng = np.tile(solo.standing().q, (4, 1)), np.random.default_rng(3)
+    pushes = rng.normal(size=(4, 3, 6))
+    both = Sweep.of(solo, q, 0.01, [4, 7, 4], pushes)
+    summed = Sweep.of(solo, q, 0.01, [4, 7], np.stack([pushes[:, 0] + pushes[:, 2], pushes[:, 1]], axis=1))
+    assert both.need == pytest.approx(summed.need, abs=1e-12) and both.by_q == pytest.approx(summed.by_q, abs=1e-12)

@@ -33,7 +33,7 @@ KEPT = np.array([5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3])
 GRASP = 0.4 * KEPT
 """The same of second hands, in the axes that first ones give them."""
 SWINGS, SOON_FREE = 0.006, 0.25
-"""In the air it costs as many times less, from where a foot is this free on."""
+"""In the air it costs as many times less, from where a foot is this free on; and again as many times less where it is 2."""
 COM_M, COM_LOOSE = np.array([2e-3, 2e-3, 0.05]), np.array([0.03, 0.03, 0.05])
 """Of the centre of mass [m]; where stances are loose."""
 MISSING = 4e-3
@@ -63,7 +63,7 @@ class Goals:
     Attributes:
         R: Orientations of feet, shape (n, F, 3, 3).
         p: Their origins, shape (n, F, 3) [m].
-        free: How free they are, 0 in stances, shape (n, F).
+        free: How free they are, 0 in stances, 1 on their way to the next, 2 if there is none, shape (n, F).
         com: Centre of mass, shape (n, 3) [m].
         wrenches: Forces on the feet and moments about p, in W, shape (n, F, 2, 3) [N, N m]; None: none is known.
         kept: Frames whose poses stay as they are.
@@ -197,7 +197,7 @@ class Reference:
 
 
 def posed(
-    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int, stiff: float = 1.0
+    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int, stiff: Array | float = 1.0
 ) -> tuple[Array, Sweep, float]:
     """(poses, their sweep before the last step, the length of that) after some steps of Gauss-Newton.
 
@@ -208,7 +208,7 @@ def posed(
         goals: What they are to reach; without wrenches, stances may move along the floor and turn on it.
         bodies: Pairs of bodies that are kept apart.
         turns: How many steps.
-        stiff: Share of the weight of what is missing on the base.
+        stiff: Share of the weight of what is missing on the base; of each frame, shape (n,), or of all.
     """
     robot, dt, loose = reference.robot, reference.dt, goals.wrenches is None
     unit = foot_units(feet, goals.free, loose)
@@ -276,7 +276,7 @@ def _pose_rows(normal: Normal, sweep: Sweep, feet: Feet, R: Array, p: Array, uni
 
 def foot_units(feet: Feet, free: Array, loose: bool) -> Array:
     """Errors of feet that cost one, shape (n, F, 6), by how free they are, shape (n, F)."""
-    air = FOOT / SWINGS ** np.minimum(free / SOON_FREE, 1.0)[..., None]
+    air = FOOT / SWINGS ** (np.minimum(free / SOON_FREE, 1.0) + np.maximum(free - 1.0, 0.0))[..., None]
     unit = np.where(free[..., None] == 0.0, LOOSE if loose else FOOT, air)
     return np.where(feet.flat[:, None] | (np.arange(6) < 3), unit, np.inf)
 
@@ -295,7 +295,7 @@ def _near_rows(normal: Normal, q: Array, reference: Reference) -> None:
     normal.g[:, k] += w * (np.clip(x, low, high) - x)
 
 
-def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float, owed: Array | float) -> None:
+def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: Array | float, owed: Array | float) -> None:
     """What is missing on the base, and torques beyond their share of the limits; both by three frames."""
     robot, dt, need = sweep.robot, sweep.dt, sweep.need[1:-1]
 
@@ -305,8 +305,8 @@ def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: float
         inertia, damping = M / dt**2, by_v / (2.0 * dt)
         return [inertia - damping, by_q - 2.0 * inertia, inertia + damping]
 
-    w = stiff / (MISSING * wrench_scale(robot))
-    normal.add_inner([w[:, None] * x for x in by(slice(None), slice(6))], -w * (sweep.need[:, :6] + owed)[1:-1])
+    w = np.broadcast_to(stiff, len(sweep.q))[1:-1, None] / (MISSING * wrench_scale(robot))
+    normal.add_inner([w[:, :, None] * x for x in by(slice(None), slice(6))], -w * (sweep.need[:, :6] + owed)[1:-1])
     least, most = (TORQUE_SHARE * x[1:-1] for x in reference.torques(sweep.v))
     tau = need[:, robot.actuated]
     over = np.maximum(tau - most, 0.0) + np.minimum(tau - least, 0.0)

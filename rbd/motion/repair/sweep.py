@@ -62,13 +62,15 @@ class Sweep:
             robot: The robot, with a floating base.
             q: Shape (n, nq).
             dt: Time between them [s].
-            joints: Joints whose bodies are pushed.
+            joints: Joints whose bodies are pushed; one may be named several times.
             wrenches: Forces on them and moments about their origins, in the joints' axes, shape (n, joints, 6) [N, N m].
         """
         model, n, nv = robot.model, len(q), robot.nv
         pushes = pin.StdVec_Force([pin.Force.Zero()] * model.njoints)
-        pushed = [pushes[j] for j in joints]
-        given = np.zeros((n, len(pushed), 6)) if wrenches is None else wrenches
+        different, which = np.unique(np.array(joints, int), return_inverse=True)
+        pushed, given = [pushes[int(j)] for j in different], np.zeros((n, len(different), 6))
+        for f, j in enumerate(() if wrenches is None else which):
+            given[:, j] += wrenches[:, f]  # type: ignore[index]
         v, a = rates(robot, q, dt)
         data = model.createData()
         every = rows_from([(X.rotation, X.translation) for X in data.oMi], 12)
