@@ -1577,6 +1577,7 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Plan",
+    "MomentumProof",
     "WalkPlan",
     "ElementPicture",
     "LoopFile",

@@ -30,6 +30,7 @@ from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.curve import Curve
 from rbd.planning.kept_limits import Between, between
+from rbd.planning.momentum import Momentum, MomentumProof
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
@@ -264,7 +265,7 @@ def plan(
             no keyframe says where it stands; no feet of that name; times that are none.
         CannotReach: a keyframe's targets; with the nearest pose.
         CannotPlan: there is no such motion, or none was found; with the instants, the limits that contradict each other there,
-            and the plan that came nearest.
+            and the plan that came nearest; or with the proof that contacts cannot give the momentum that keyframes ask for.
 
     Example:
         >>> g1 = rbd.load_robot("g1")
@@ -286,6 +287,8 @@ def plan(
     costs = CentroidCosts(com=COM) if cost is None else cost
     supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
     _check_rest(supports, limits)
+    if (proof := Momentum.of(supports).proof()) is not None:
+        raise _without_momentum(f"there is no plan of {robot.name}", proof)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
     found, failed = list[Plan](), None
     with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
@@ -365,9 +368,29 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
 
 
 def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
-    """Why there is no plan: the instant at which most is missing, and the limits that contradict each other there."""
+    """Why there is no plan: by the momentum that is asked for, or by the instants of the nearest plan."""
     if not found:
-        return CannotPlan(f"no motion of the centre of mass is possible over these contacts: {failed}", t=())
+        said = f"no plan of {supports.robot.name} was found with {FRICTION_SHARE:.0%} of the friction"
+        if (proof := Momentum.of(supports, FRICTION_SHARE).proof()) is not None:
+            return _without_momentum(said, proof)
+        return CannotPlan(f"{said}: {failed}", t=())
+    error = _of_nearest(found, limits)
+    proof = Momentum.of(supports, between=True).proof() if len(supports.keys) > 2 else None
+    if proof is None:
+        return error
+    error.momentum = proof
+    error.args = (f"{error.args[0]} No motion passes through the keyframes' centres of mass exactly: {proof}",)
+    return error
+
+
+def _without_momentum(said: str, proof: MomentumProof) -> CannotPlan:
+    return CannotPlan(
+        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof
+    )
+
+
+def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
+    """Why it is none: the instant at which most is missing, and the limits that contradict each other there."""
     best = max(found, key=lambda plan: float((plan.intervals.end - plan.intervals.start)[plan.intervals.sure].sum()))
     x = best.intervals
     bad = np.flatnonzero(~x.sure)

@@ -11,8 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
 from rbd.centroid.program import inner_corners
-from rbd.constraints.contact import Contact
-from rbd.errors import InputError, NoSolution
+from rbd.errors import NoSolution
 from rbd.model.sampled_motion import interpolated_q
 from rbd.motion.frame_terms import placements
 from rbd.motion.reference_motion import minimum_jerk
@@ -22,7 +21,7 @@ from rbd.motion.repair.posture import Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.curve import Curve
-from rbd.planning.stays import PlannedContacts
+from rbd.planning.stays import PlannedContacts, coefficient_of
 
 STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
 AIR = 8
@@ -184,7 +183,7 @@ class Knots:
     @lazy
     def coefficients(self) -> Array:
         """Friction of each contact, shape (contacts,)."""
-        return np.array([_coefficient(contact) for contact in self.supports.contacts])
+        return np.array([coefficient_of(contact) for contact in self.supports.contacts])
 
     @lazy
     def normals(self) -> Array:
@@ -211,12 +210,3 @@ def _bent(c: Sweep, q: Array, t: Array) -> Array:
     out = np.array([(pin.rnea(model, data, *x[:3]) - pin.rnea(model, data, *x[3:]))[:6].copy() for x in moves])
     out[[0, 1, 2, -3, -2, -1]] = 0.0  # at rest
     return out
-
-
-def _coefficient(contact: Contact) -> float:
-    if not isinstance(contact.friction, float | int):
-        raise InputError(
-            f"{contact.name!r:.80} has friction {contact.friction!r:.40}; plans take Coulomb's coefficient, "
-            "contact.with_friction(0.6)."
-        )
-    return float(contact.friction)

@@ -288,3 +288,13 @@ def _off(contact: Contact, stay: Stay, state: State, t: float) -> float:
             "give the same place."
         )
     return max(off, turned)
+
+
+def coefficient_of(contact: Contact) -> float:
+    """Its coefficient of friction; a contact whose friction is of another kind is refused."""
+    if not isinstance(contact.friction, float | int):
+        raise InputError(
+            f"{contact.name!r:.80} has friction {contact.friction!r:.40}; plans take Coulomb's coefficient, "
+            "contact.with_friction(0.6)."
+        )
+    return float(contact.friction)
