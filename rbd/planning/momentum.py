@@ -227,9 +227,14 @@ class Momentum:
         forces[k] = self.weight * self.t[-1] * np.asarray(found.z)[: 3 * len(k) : 3]
         return float(-need @ x), free @ x, forces
 
+    @property
+    def refused(self) -> bool:
+        """Whether contacts cannot give what is needed."""
+        return self.solved()[0] >= PROVES
+
     def proof(self) -> MomentumProof | None:
         """Why no motion gives it what it needs, checked, with an irreducible set of limits; None where none was found."""
-        if self.solved()[0] < PROVES:
+        if not self.refused:
             return None
         gone = list[Limit]()
         for limit in self.limits:
@@ -342,16 +347,12 @@ class MomentumProof(Displayed):
 
 def _least(way: Callable[[float], Momentum]) -> float | None:
     """The least factor above one with which nothing is contradictory, rounded up to 0.1 %; None below `HELPS`."""
-
-    def holds(factor: float) -> bool:
-        return way(factor).solved()[0] < PROVES
-
-    if not holds(HELPS):
+    if way(HELPS).refused:
         return None
     low, high = 0.0, float(np.log(HELPS))
     for _ in range(HALVED):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if holds(float(np.exp(middle))) else (middle, high)
+        low, high = (middle, high) if way(float(np.exp(middle))).refused else (low, middle)
     return float(np.ceil(1e3 * np.exp(high)) / 1e3)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from rbd.control.schedules import TorqueSchedule
 from rbd.control.torques import inverse_dynamics
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError, NoSolution
-from rbd.errors.inputs import check_kind
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.motors import Motor
 from rbd.model.state import State
@@ -29,6 +29,7 @@ from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.curve import Curve
+from rbd.planning.free_times import shortest
 from rbd.planning.kept_limits import Between, between
 from rbd.planning.momentum import Momentum, MomentumProof
 from rbd.planning.solving import Knots
@@ -229,6 +230,7 @@ def plan(
     *,
     friction: float = 0.6,
     ground: On = 0.0,
+    times: str = "given",
     cost: CentroidCosts | None = None,
     limits: bool | float = True,
     self_collision: bool = True,
@@ -255,6 +257,8 @@ def plan(
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to 5 ms apart.
         friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
+        times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
+            is found, within 10 % or of eight that are tried; those given are the first.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
         limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
         self_collision: Whether bodies are kept apart.
@@ -281,32 +285,58 @@ def plan(
     mu = check_number("friction of plan", friction, 1e-3, 1e3, expected="a coefficient above 0")
     if not isinstance(limits, bool | np.bool_):
         limits = check_number("limits of plan", limits, 0.01, 10.0, expected="True, False, or a share of limits, 0.6")
+    check_choice("times of plan", times, ("given", "free"))
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     costs = CentroidCosts(com=COM) if cost is None else cost
     supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
     _check_rest(supports, limits)
-    if (proof := Momentum.of(supports).proof()) is not None:
-        raise _without_momentum(f"there is no plan of {robot.name}", proof)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
-    found, failed = list[Plan](), None
-    with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
-        first, last = supports.keys[0][0], supports.keys[-1][0]
-        rates = RATES[-1:] if supports.flies else RATES[:-1]
-        for i, rate in enumerate(rates):
-            bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
-            t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
-            knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, torques, bodies, costs)
-            try:
-                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(rates)))
-            except NoSolution as error:
-                failed = error
-                break
-            found.append(made)
-            if made.proved:
-                return made
-    raise _failure(supports, found, failed, limits)
+    settings = _Settings(mu, ground, costs, limits, self_collision, torques, progress)
+    if times == "free":
+        return shortest(supports, settings.planned)
+    return settings.planned(supports)
+
+
+@dataclass(frozen=True, eq=False)
+class _Settings:
+    """What `plan` was given, of each plan that is tried."""
+
+    friction: float
+    ground: On
+    costs: CentroidCosts
+    limits: bool | float
+    self_collision: bool
+    torques: Callable[[Array], tuple[Array, Array]]
+    progress: bool
+
+    def planned(self, supports: PlannedContacts) -> Plan:
+        """The plan over these contacts, at these times.
+
+        Raises:
+            CannotPlan: there is none, or none was found.
+        """
+        robot = supports.robot
+        if (proof := Momentum.of(supports).proof()) is not None:
+            raise _without_momentum(f"there is no plan of {robot.name}", proof)
+        found, failed = list[Plan](), None
+        with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
+            first, last = supports.keys[0][0], supports.keys[-1][0]
+            rates = RATES[-1:] if supports.flies else RATES[:-1]
+            for i, rate in enumerate(rates):
+                bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
+                t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
+                knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, self.torques, bodies, self.costs)
+                try:
+                    made = _planned(knots, self.friction, self.ground, lambda share, i=i: done((i + share) / len(rates)))
+                except NoSolution as error:
+                    failed = error
+                    break
+                found.append(made)
+                if made.proved:
+                    return made
+        raise _failure(supports, found, failed, self.limits)
 
 
 def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
