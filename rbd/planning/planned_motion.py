@@ -28,6 +28,7 @@ from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
+from rbd.planning.contact_search import ContactSearch
 from rbd.planning.curve import Curve
 from rbd.planning.free_times import shortest
 from rbd.planning.kept_limits import Between, between
@@ -226,7 +227,7 @@ class Plan(Displayed):
 def plan(
     robot: Robot,
     keyframes: Mapping[float, Any],
-    contacts: Mapping[Any, Any],
+    contacts: Mapping[Any, Any] | str,
     *,
     friction: float = 0.6,
     ground: On = 0.0,
@@ -255,6 +256,8 @@ def plan(
         contacts: {foot or contact: [(start, end), ...]}: when it stands [s], True for all the time. Where it stands the
             keyframes within that time say. Feet are given by name; other contacts as `rbd.PointContact(...)`,
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to 5 ms apart.
+            "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
+            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
         friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
@@ -290,13 +293,16 @@ def plan(
     check_flag("progress of plan", progress)
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     costs = CentroidCosts(com=COM) if cost is None else cost
-    supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
-    _check_rest(supports, limits)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
-    settings = _Settings(mu, ground, costs, limits, self_collision, torques, progress)
+    planned = _Settings(mu, ground, costs, limits, self_collision, torques, progress).planned
     if times == "free":
-        return shortest(supports, settings.planned)
-    return settings.planned(supports)
+        planned = partial(shortest, planned=planned)
+    if not isinstance(contacts, str):
+        return planned(planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground))
+    check_choice("contacts of plan", contacts, ("search",))
+    return ContactSearch.of(
+        robot, keyframes, friction=mu, ground=ground, limited=_limited(robot, limits), self_collision=self_collision
+    ).first(planned)
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,6 +324,7 @@ class _Settings:
             CannotPlan: there is none, or none was found.
         """
         robot = supports.robot
+        _check_rest(supports, self.limits)
         if (proof := Momentum.of(supports).proof()) is not None:
             raise _without_momentum(f"there is no plan of {robot.name}", proof)
         found, failed = list[Plan](), None

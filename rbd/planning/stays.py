@@ -85,13 +85,13 @@ class PlannedContacts:
         return [(start, end, corners) for start, end in self.intervals(name)]
 
     def on_knots(self, t: Array) -> PlannedContacts:
-        """The same contacts, whose stays begin and end at the nearest of times t."""
+        """The same, stays and keyframes moved to the nearest of times t: a keyframe at the end of a stay remains there."""
 
         def nearest(x: float) -> float:
             return float(t[np.abs(t - x).argmin()])
 
         moved = [[replace(s, start=nearest(s.start), end=nearest(s.end)) for s in own] for own in self.stays]
-        return replace(self, stays=tuple(map(tuple, moved)))
+        return replace(self, stays=tuple(map(tuple, moved)), keys=tuple((nearest(x), state) for x, state in self.keys))
 
     def on(self, t: Array) -> Array:
         """Which contacts stand at times, shape (n, contacts)."""
