@@ -44,10 +44,10 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-RATES = (50.0, 100.0, 200.0)
-"""Knots a second that are tried in turn; the last where nothing stands for a time."""
-FRICTION_SHARE = 0.86
-"""Share of the friction with which poses and forces are sought."""
+SHARES, FARTHER = (0.86, INNER, 0.25), (0.97, 0.995, 1e-3)
+"""Shares of friction and of soles with which poses and forces are sought, and of what points press with, at least; at last."""
+TRIED, FLIGHTS = ((50.0, *SHARES), (100.0, *SHARES), (100.0, *FARTHER)), ((200.0, *SHARES),)
+"""(knots a second, and these) that are tried in turn; and where nothing stands for a time."""
 COM = 0.02
 """Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]."""
 SAMPLED = 200.0
@@ -258,7 +258,7 @@ def plan(
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to 5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
             found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
-        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan, 97 % at last.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
             is found, within 10 % or of eight that are tried; those given are the first.
@@ -330,16 +330,16 @@ class _Settings:
         found, failed = list[Plan](), None
         with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
             first, last = supports.keys[0][0], supports.keys[-1][0]
-            rates = RATES[-1:] if supports.flies else RATES[:-1]
-            for i, rate in enumerate(rates):
+            tries = FLIGHTS if supports.flies else TRIED
+            for i, (rate, friction, inner, loaded) in enumerate(tries):
                 bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
                 t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
-                knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, self.torques, bodies, self.costs)
+                knots = Knots(supports.on_knots(t), t, friction, inner, loaded, self.torques, bodies, self.costs)
                 try:
-                    made = _planned(knots, self.friction, self.ground, lambda share, i=i: done((i + share) / len(rates)))
+                    made = _planned(knots, self.friction, self.ground, lambda share, i=i: done((i + share) / len(tries)))
                 except NoSolution as error:
                     failed = error
-                    break
+                    continue
                 found.append(made)
                 if made.proved:
                     return made
@@ -391,7 +391,7 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     forces = centroid.forces.copy()
     for f in range(len(corners)):  # the same resultant at the corners themselves
         own = group == f
-        forces[:, own] = INNER * forces[:, own] + (1.0 - INNER) * forces[:, own].mean(axis=1, keepdims=True)
+        forces[:, own] = knots.inner * forces[:, own] + (1.0 - knots.inner) * forces[:, own].mean(axis=1, keepdims=True)
     pushes = Pushes(
         knots.t, knots.feet.joint[group], knots.on[:, group], np.concatenate(corners, axis=1), axes[:, group], forces,
         knots.coefficients[group],
@@ -407,8 +407,9 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
 def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
     """Why there is no plan: by the momentum that is asked for, or by the instants of the nearest plan."""
     if not found:
-        said = f"no plan of {supports.robot.name} was found with {FRICTION_SHARE:.0%} of the friction"
-        if (proof := Momentum.of(supports, FRICTION_SHARE).proof()) is not None:
+        share = (FLIGHTS if supports.flies else TRIED)[-1][1]
+        said = f"no plan of {supports.robot.name} was found with {share:.0%} of the friction"
+        if (proof := Momentum.of(supports, share).proof()) is not None:
             return _without_momentum(said, proof)
         return CannotPlan(f"{said}: {failed}", t=())
     error = _of_nearest(found, limits)

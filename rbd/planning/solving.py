@@ -29,8 +29,8 @@ AIR = 8
 how many more passes as the last but one there are where nothing stands for a time."""
 FOLLOWS = 0.6
 """From pass to pass the plan's centre of mass stays nearer to that of the poses, by this: legs do not become longer."""
-LOADED, UNLOADS = 0.25, 0.15
-"""Contacts press with this share of what they carry of the weight on average; and how long they take to come to that [s]."""
+UNLOADS = 0.15
+"""How long contacts take to come to the least with which they press [s]."""
 SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 ENDS = 0.1
@@ -47,6 +47,8 @@ class Knots:
         supports: The contacts.
         t: Equal times, shape (n,) [s].
         friction: Share of the friction that is used.
+        inner: Share of soles that is used.
+        loaded: Points press with this share of what they carry of the weight on average, at least, where that is possible.
         torques: (least, most) torques at velocities.
         bodies: Pairs of bodies that are kept apart.
         costs: Of the centroid's program.
@@ -55,6 +57,8 @@ class Knots:
     supports: PlannedContacts
     t: Array
     friction: float
+    inner: float
+    loaded: float
     torques: Callable[[Array], tuple[Array, Array]]
     bodies: BodyPairs | None
     costs: CentroidCosts
@@ -89,7 +93,7 @@ class Knots:
 
     @lazy
     def least(self) -> Array:
-        """What points press with at least, shape (n, k) [N]: contacts with `LOADED` of their share of the weight."""
+        """What points press with at least, shape (n, k) [N]: contacts with `loaded` of their share of the weight."""
         from scipy.ndimage import distance_transform_edt
 
         idle = np.pad(~self.carries, ((1, 1), (0, 0)), mode="edge")
@@ -97,7 +101,7 @@ class Knots:
         ramp = np.minimum(since * self.dt / UNLOADS, 1.0)
         robot, corners = self.supports.robot, np.bincount(self.group)
         weight = robot.mass * float(np.linalg.norm(robot.gravity))
-        share = LOADED * weight * ramp / (np.maximum(self.on.sum(axis=1), 1)[:, None] * corners)
+        share = self.loaded * weight * ramp / (np.maximum(self.on.sum(axis=1), 1)[:, None] * corners)
         return np.asarray(share[:, self.group])
 
     @lazy
@@ -110,7 +114,7 @@ class Knots:
         """Where forces act, for contacts placed so, shape (n, k, 3) [m]."""
         out = []
         for f, contact in enumerate(self.supports.contacts):
-            out.append(inner_corners(np.asarray(contact.corners)) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
+            out.append(inner_corners(np.asarray(contact.corners), self.inner) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
         return np.concatenate(out, axis=1)
 
     def solved(self, done: Callable[[float], None]) -> tuple[Array, CentroidPlan]:

@@ -168,7 +168,8 @@ def planned_contacts(
     times = sorted(_time(t) for t in keyframes)
     if len(times) < 2 or len(set(times)) != len(keyframes):
         raise InputError(f"keyframes of plan are at {times}; expected two or more different times [s].")
-    feet = {foot.name: foot for foot in robot.feet(friction=friction, on=ground)}
+    by_name = robot.source.feet or any(isinstance(key, str) for key in contacts)
+    feet = {foot.name: foot for foot in (robot.feet(friction=friction, on=ground) if by_name else ())}
     known, spans = list[Contact](), list[list[tuple[float, float]]]()
     for key, given in contacts.items():
         if isinstance(key, str):
