@@ -292,9 +292,8 @@ def plan(
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
-    costs = CentroidCosts(com=COM) if cost is None else cost
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
-    planned = _Settings(mu, ground, costs, limits, self_collision, torques, progress).planned
+    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress).planned
     if times == "free":
         planned = partial(shortest, planned=planned)
     if not isinstance(contacts, str):
@@ -311,7 +310,7 @@ class _Settings:
 
     friction: float
     ground: On
-    costs: CentroidCosts
+    costs: CentroidCosts | None
     limits: bool | float
     self_collision: bool
     torques: Callable[[Array], tuple[Array, Array]]
@@ -327,6 +326,7 @@ class _Settings:
         _check_rest(supports, self.limits)
         if (proof := Momentum.of(supports).proof()) is not None:
             raise _without_momentum(f"there is no plan of {robot.name}", proof)
+        costs = CentroidCosts(com=COM) if self.costs is None else self.costs
         found, failed = list[Plan](), None
         with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
             first, last = supports.keys[0][0], supports.keys[-1][0]
@@ -334,7 +334,7 @@ class _Settings:
             for i, (rate, friction, inner, loaded) in enumerate(tries):
                 bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
                 t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
-                knots = Knots(supports.on_knots(t), t, friction, inner, loaded, self.torques, bodies, self.costs)
+                knots = Knots(supports.on_knots(t), t, friction, inner, loaded, self.torques, bodies, costs)
                 try:
                     made = _planned(knots, self.friction, self.ground, lambda share, i=i: done((i + share) / len(tries)))
                 except NoSolution as error:
