@@ -78,7 +78,7 @@ def test_a_squat_gets_as_much_time_as_it_needs(solo: rbd.Robot, monkeypatch: pyt
         rbd.plan(solo, keys, feet, progress=False)
     plan = rbd.plan(solo, keys, feet, times="free", progress=False)
     assert plan.proved and 0.16 < plan.duration < 0.8
-    assert plan.contacts.keys[1][0] == pytest.approx(0.5 * plan.duration)
+    assert plan.contacts.keys[1][0] == pytest.approx(0.5 * plan.duration, abs=0.5 * (plan.curve.t[1] - plan.curve.t[0]) + 1e-9)
 
 
 def test_words(solo: rbd.Robot):
