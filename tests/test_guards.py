@@ -1552,6 +1552,7 @@ CASES |= {
             "contacts": {foot.name: True for foot in SOLO_12.feet()},
             "friction": 0.6,
             "ground": 0.0,
+            "times": "given",
             "cost": rbd.centroid.CentroidCosts(),
             "limits": 0.9,
             "self_collision": False,
@@ -1577,6 +1578,7 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Plan",
+    "MomentumProof",
     "WalkPlan",
     "ElementPicture",
     "LoopFile",

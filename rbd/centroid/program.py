@@ -354,10 +354,10 @@ class CentroidProgram(Displayed):
         return float(max(np.abs(force).max() / self.weight, np.abs(moment).max() / (0.3 * self.weight)))
 
 
-def inner_corners(corners: Array) -> Array:
-    """Corners of a sole, nearer to their middle by a quarter, shape (k, 2) or (k, 3) [m]."""
+def inner_corners(corners: Array, share: float = INNER) -> Array:
+    """Corners of a sole, nearer to their middle by a quarter, or to a share, shape (k, 2) or (k, 3) [m]."""
     middle = corners.mean(axis=0)
-    return np.asarray(middle + INNER * (corners - middle))
+    return np.asarray(middle + share * (corners - middle))
 
 
 class _Rows:

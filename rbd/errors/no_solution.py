@@ -175,6 +175,9 @@ class CannotPlan(CannotMove):
     Attributes:
         t: Instants at which the nearest plan is not proved [s].
         plan: The `rbd.planning.Plan` that came nearest; None where the centre of mass already has no motion.
+        momentum: The `rbd.planning.MomentumProof` that contacts cannot give the momentum that keyframes ask for, those between
+            included where there is a nearest plan; or None. Without such a plan `certificate` is that.
+        tried: With contacts="search", what was tried in vain, in words.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -190,9 +193,18 @@ class CannotPlan(CannotMove):
 
     reason = Reason.CANNOT_PLAN
 
-    def __init__(self, message: str, *, t: tuple[float, ...] = (), plan: Any = None, **told: Any) -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        t: tuple[float, ...] = (),
+        plan: Any = None,
+        momentum: Any = None,
+        tried: tuple[str, ...] = (),
+        **told: Any,
+    ) -> None:
         super().__init__(message, **told)
-        self.t, self.plan = t, plan
+        self.t, self.plan, self.momentum, self.tried = t, plan, momentum, tried
 
 
 class CannotHold(CannotMove):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from rbd.control.schedules import TorqueSchedule
 from rbd.control.torques import inverse_dynamics
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError, NoSolution
-from rbd.errors.inputs import check_kind
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.motors import Motor
 from rbd.model.state import State
@@ -28,8 +28,11 @@ from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
+from rbd.planning.contact_search import ContactSearch
 from rbd.planning.curve import Curve
+from rbd.planning.free_times import shortest
 from rbd.planning.kept_limits import Between, between
+from rbd.planning.momentum import Momentum, MomentumProof
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
@@ -41,10 +44,10 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-RATES, FLYING_RATES = (50.0, 100.0), (300.0, 400.0)
-"""Knots a second that are tried in turn; and where nothing stands for a time."""
-FRICTION_SHARE = 0.86
-"""Share of the friction with which poses and forces are sought."""
+SHARES, FARTHER = (0.86, INNER, 0.25), (0.97, 0.995, 1e-3)
+"""Shares of friction and of soles with which poses and forces are sought, and of what points press with, at least; at last."""
+TRIED, FLIGHTS = ((50.0, *SHARES), (100.0, *SHARES), (100.0, *FARTHER)), ((300.0, *SHARES), (400.0, *SHARES))
+"""(knots a second, and these) that are tried in turn; and where nothing stands for a time."""
 COM, FLYING_COM = 0.02, 0.005
 """Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]; and where nothing stands for a time:
 with more it leaves the ground on legs that are nearly straight, and they have no way left on which to come to rest."""
@@ -225,10 +228,11 @@ class Plan(Displayed):
 def plan(
     robot: Robot,
     keyframes: Mapping[float, Any],
-    contacts: Mapping[Any, Any],
+    contacts: Mapping[Any, Any] | str,
     *,
     friction: float = 0.6,
     ground: On = 0.0,
+    times: str = "given",
     cost: CentroidCosts | None = None,
     limits: bool | float = True,
     self_collision: bool = True,
@@ -254,8 +258,12 @@ def plan(
             keyframes within that time say. Feet are given by name; other contacts as `rbd.PointContact(...)`,
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to
             2.5 ms apart.
-        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan.
+            "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
+            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan, 97 % at last.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
+        times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
+            is found, within 10 % or of eight that are tried; those given are the first.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
         limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
         self_collision: Whether bodies are kept apart.
@@ -266,7 +274,7 @@ def plan(
             no keyframe says where it stands; no feet of that name; times that are none.
         CannotReach: a keyframe's targets; with the nearest pose.
         CannotPlan: there is no such motion, or none was found; with the instants, the limits that contradict each other there,
-            and the plan that came nearest.
+            and the plan that came nearest; or with the proof that contacts cannot give the momentum that keyframes ask for.
 
     Example:
         >>> g1 = rbd.load_robot("g1")
@@ -282,30 +290,62 @@ def plan(
     mu = check_number("friction of plan", friction, 1e-3, 1e3, expected="a coefficient above 0")
     if not isinstance(limits, bool | np.bool_):
         limits = check_number("limits of plan", limits, 0.01, 10.0, expected="True, False, or a share of limits, 0.6")
+    check_choice("times of plan", times, ("given", "free"))
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
-    supports = planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground)
-    costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if cost is None else cost
-    _check_rest(supports, limits)
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
-    found, failed = list[Plan](), None
-    with one_blas_thread(), progress_of((0.0, 1.0), shown=progress, doing=f"planning {robot.name}") as done:
-        first, last = supports.keys[0][0], supports.keys[-1][0]
-        rates = FLYING_RATES if supports.flies else RATES
-        for i, rate in enumerate(rates):
-            bodies = BodyPairs.of(robot) if self_collision else None  # which know the poses before
-            t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
-            knots = Knots(supports.on_knots(t), t, FRICTION_SHARE, torques, bodies, costs)
-            try:
-                made = _planned(knots, mu, ground, lambda share, i=i: done((i + share) / len(rates)))
-            except NoSolution as error:
-                failed = error
-                break
-            found.append(made)
-            if made.proved:
-                return made
-    raise _failure(supports, found, failed, limits)
+    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress).planned
+    if times == "free":
+        planned = partial(shortest, planned=planned)
+    if not isinstance(contacts, str):
+        return planned(planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground))
+    check_choice("contacts of plan", contacts, ("search",))
+    return ContactSearch.of(
+        robot, keyframes, friction=mu, ground=ground, limited=_limited(robot, limits), self_collision=self_collision
+    ).first(planned)
+
+
+@dataclass(frozen=True, eq=False)
+class _Settings:
+    """What `plan` was given, of each plan that is tried."""
+
+    friction: float
+    ground: On
+    costs: CentroidCosts | None
+    limits: bool | float
+    self_collision: bool
+    torques: Callable[[Array], tuple[Array, Array]]
+    progress: bool
+
+    def planned(self, supports: PlannedContacts) -> Plan:
+        """The plan over these contacts, at these times.
+
+        Raises:
+            CannotPlan: there is none, or none was found.
+        """
+        robot = supports.robot
+        _check_rest(supports, self.limits)
+        if (proof := Momentum.of(supports).proof()) is not None:
+            raise _without_momentum(f"there is no plan of {robot.name}", proof)
+        costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if self.costs is None else self.costs
+        found, failed = list[Plan](), None
+        with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
+            first, last = supports.keys[0][0], supports.keys[-1][0]
+            tries = FLIGHTS if supports.flies else TRIED
+            for i, (rate, friction, inner, loaded) in enumerate(tries):
+                bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
+                t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
+                knots = Knots(supports.on_knots(t), t, friction, inner, loaded, self.torques, bodies, costs)
+                try:
+                    made = _planned(knots, self.friction, self.ground, lambda share, i=i: done((i + share) / len(tries)))
+                except NoSolution as error:
+                    failed = error
+                    continue
+                found.append(made)
+                if made.proved:
+                    return made
+        raise _failure(supports, found, failed, self.limits)
 
 
 def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
@@ -353,7 +393,7 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     forces = centroid.forces.copy()
     for f in range(len(corners)):  # the same resultant at the corners themselves
         own = group == f
-        forces[:, own] = INNER * forces[:, own] + (1.0 - INNER) * forces[:, own].mean(axis=1, keepdims=True)
+        forces[:, own] = knots.inner * forces[:, own] + (1.0 - knots.inner) * forces[:, own].mean(axis=1, keepdims=True)
     pushes = Pushes(
         knots.t, knots.feet.joint[group], knots.on[:, group], np.concatenate(corners, axis=1), axes[:, group], forces,
         knots.coefficients[group],
@@ -367,9 +407,30 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
 
 
 def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
-    """Why there is no plan: the instant at which most is missing, and the limits that contradict each other there."""
+    """Why there is no plan: by the momentum that is asked for, or by the instants of the nearest plan."""
     if not found:
-        return CannotPlan(f"no motion of the centre of mass is possible over these contacts: {failed}", t=())
+        share = (FLIGHTS if supports.flies else TRIED)[-1][1]
+        said = f"no plan of {supports.robot.name} was found with {share:.0%} of the friction"
+        if (proof := Momentum.of(supports, share).proof()) is not None:
+            return _without_momentum(said, proof)
+        return CannotPlan(f"{said}: {failed}", t=())
+    error = _of_nearest(found, limits)
+    proof = Momentum.of(supports, between=True).proof() if len(supports.keys) > 2 else None
+    if proof is None:
+        return error
+    error.momentum = proof
+    error.args = (f"{error.args[0]} No motion passes through the keyframes' centres of mass exactly: {proof}",)
+    return error
+
+
+def _without_momentum(said: str, proof: MomentumProof) -> CannotPlan:
+    return CannotPlan(
+        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof
+    )
+
+
+def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
+    """Why it is none: the instant at which most is missing, and the limits that contradict each other there."""
     best = max(found, key=lambda plan: float((plan.intervals.end - plan.intervals.start)[plan.intervals.sure].sum()))
     x = best.intervals
     bad = np.flatnonzero(~x.sure)

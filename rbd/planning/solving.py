@@ -11,8 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
 from rbd.centroid.program import inner_corners
-from rbd.constraints.contact import Contact
-from rbd.errors import InputError, NoSolution
+from rbd.errors import NoSolution
 from rbd.model.sampled_motion import interpolated_q
 from rbd.motion.frame_terms import placements
 from rbd.motion.reference_motion import minimum_jerk
@@ -22,7 +21,7 @@ from rbd.motion.repair.posture import LIMIT_ROOM, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.curve import Curve
-from rbd.planning.stays import PlannedContacts
+from rbd.planning.stays import PlannedContacts, coefficient_of
 
 STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
 AIR = 8
@@ -32,8 +31,8 @@ FLYING = 5.0
 """What is missing on the base weighs so much more where nothing stands: no force takes up the rest."""
 FOLLOWS = 0.6
 """From pass to pass the plan's centre of mass stays nearer to that of the poses, by this: legs do not become longer."""
-LOADED, UNLOADS = 0.25, 0.15
-"""Contacts press with this share of what they carry of the weight on average; and how long they take to come to that [s]."""
+UNLOADS = 0.15
+"""How long contacts take to come to the least with which they press [s]."""
 SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 NEARER = LIMIT_ROOM - 2e-3
@@ -53,6 +52,8 @@ class Knots:
         supports: The contacts.
         t: Equal times, shape (n,) [s].
         friction: Share of the friction that is used.
+        inner: Share of soles that is used.
+        loaded: Points press with this share of what they carry of the weight on average, at least, where that is possible.
         torques: (least, most) torques at velocities.
         bodies: Pairs of bodies that are kept apart.
         costs: Of the centroid's program.
@@ -61,6 +62,8 @@ class Knots:
     supports: PlannedContacts
     t: Array
     friction: float
+    inner: float
+    loaded: float
     torques: Callable[[Array], tuple[Array, Array]]
     bodies: BodyPairs | None
     costs: CentroidCosts
@@ -95,7 +98,7 @@ class Knots:
 
     @lazy
     def least(self) -> Array:
-        """What points press with at least, shape (n, k) [N]: contacts with `LOADED` of their share of the weight."""
+        """What points press with at least, shape (n, k) [N]: contacts with `loaded` of their share of the weight."""
         from scipy.ndimage import distance_transform_edt
 
         idle = np.pad(~self.carries, ((1, 1), (0, 0)), mode="edge")
@@ -103,7 +106,7 @@ class Knots:
         ramp = np.minimum(since * self.dt / UNLOADS, 1.0)
         robot, corners = self.supports.robot, np.bincount(self.group)
         weight = robot.mass * float(np.linalg.norm(robot.gravity))
-        share = LOADED * weight * ramp / (np.maximum(self.on.sum(axis=1), 1)[:, None] * corners)
+        share = self.loaded * weight * ramp / (np.maximum(self.on.sum(axis=1), 1)[:, None] * corners)
         return np.asarray(share[:, self.group])
 
     @lazy
@@ -116,7 +119,7 @@ class Knots:
         """Where forces act, for contacts placed so, shape (n, k, 3) [m]."""
         out = []
         for f, contact in enumerate(self.supports.contacts):
-            out.append(inner_corners(np.asarray(contact.corners)) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
+            out.append(inner_corners(np.asarray(contact.corners), self.inner) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
         return np.concatenate(out, axis=1)
 
     def solved(self, done: Callable[[float], None]) -> tuple[Array, CentroidPlan]:
@@ -192,7 +195,7 @@ class Knots:
     @lazy
     def coefficients(self) -> Array:
         """Friction of each contact, shape (contacts,)."""
-        return np.array([_coefficient(contact) for contact in self.supports.contacts])
+        return np.array([coefficient_of(contact) for contact in self.supports.contacts])
 
     @lazy
     def normals(self) -> Array:
@@ -219,12 +222,3 @@ def _bent(c: Sweep, q: Array, t: Array) -> Array:
     out = np.array([(pin.rnea(model, data, *x[:3]) - pin.rnea(model, data, *x[3:]))[:6].copy() for x in moves])
     out[[0, 1, 2, -3, -2, -1]] = 0.0  # at rest
     return out
-
-
-def _coefficient(contact: Contact) -> float:
-    if not isinstance(contact.friction, float | int):
-        raise InputError(
-            f"{contact.name!r:.80} has friction {contact.friction!r:.40}; plans take Coulomb's coefficient, "
-            "contact.with_friction(0.6)."
-        )
-    return float(contact.friction)

@@ -85,13 +85,13 @@ class PlannedContacts:
         return [(start, end, corners) for start, end in self.intervals(name)]
 
     def on_knots(self, t: Array) -> PlannedContacts:
-        """The same contacts, whose stays begin and end at the nearest of times t."""
+        """The same, stays and keyframes moved to the nearest of times t: a keyframe at the end of a stay remains there."""
 
         def nearest(x: float) -> float:
             return float(t[np.abs(t - x).argmin()])
 
         moved = [[replace(s, start=nearest(s.start), end=nearest(s.end)) for s in own] for own in self.stays]
-        return replace(self, stays=tuple(map(tuple, moved)))
+        return replace(self, stays=tuple(map(tuple, moved)), keys=tuple((nearest(x), state) for x, state in self.keys))
 
     def on(self, t: Array) -> Array:
         """Which contacts stand at times, shape (n, contacts)."""
@@ -171,7 +171,8 @@ def planned_contacts(
     times = sorted(_time(t) for t in keyframes)
     if len(times) < 2 or len(set(times)) != len(keyframes):
         raise InputError(f"keyframes of plan are at {times}; expected two or more different times [s].")
-    feet = {foot.name: foot for foot in robot.feet(friction=friction, on=ground)}
+    by_name = robot.source.feet or any(isinstance(key, str) for key in contacts)
+    feet = {foot.name: foot for foot in (robot.feet(friction=friction, on=ground) if by_name else ())}
     known, spans = list[Contact](), list[list[tuple[float, float]]]()
     for key, given in contacts.items():
         if isinstance(key, str):
@@ -291,3 +292,13 @@ def _off(contact: Contact, stay: Stay, state: State, t: float) -> float:
             "give the same place."
         )
     return max(off, turned)
+
+
+def coefficient_of(contact: Contact) -> float:
+    """Its coefficient of friction; a contact whose friction is of another kind is refused."""
+    if not isinstance(contact.friction, float | int):
+        raise InputError(
+            f"{contact.name!r:.80} has friction {contact.friction!r:.40}; plans take Coulomb's coefficient, "
+            "contact.with_friction(0.6)."
+        )
+    return float(contact.friction)

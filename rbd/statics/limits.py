@@ -9,6 +9,7 @@ Limits are relaxed by columns, forces that the limit forbids, and by rows left o
     push            its points may feel any force
     opens, slips    the same of points whose force the wanted motion decides
     base, passive   a wrench on the base; a torque at the joint
+    flight, keyframe, rest      of plans: a wrench while nothing stands, any place of a keyframe, any motion at the end
 
 A set is irreducible where each of them, relaxed alone, lets the rest be kept [Chinneck1991]: the deletion filter. Relaxing
 "push" relaxes friction, slip and edge of that contact too, so that it is named only where none of them is in the way.
@@ -40,8 +41,9 @@ class Limit(Displayed):
     """One limit in the way of a motion, of a motor, of friction, of an edge: as `CannotMove.limits` names them.
 
     Attributes:
-        kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive".
-        name: Of the joint, or of the contact.
+        kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive"; of plans also
+            "flight", "keyframe" or "rest".
+        name: Of the joint, or of the contact; or a time.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -67,6 +69,9 @@ class Limit(Displayed):
             "slips": f"{self.name!r:.80}, whose slip decides its friction",
             "base": "the base, which no motor drives",
             "passive": f"{self.name!r:.80}, which is passive",
+            "flight": f"the time {self.name}, in which nothing stands",
+            "keyframe": f"the centre of mass at the keyframe of {self.name}",
+            "rest": f"being at rest at {self.name}",
         }[self.kind]
 
 

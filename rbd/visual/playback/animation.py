@@ -20,6 +20,7 @@ from rbd.errors.inputs import check_kind, check_known
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.motion.report import MotionReport
+from rbd.planning import Plan
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import footprints_of, planned_footprints
 from rbd.visual.pages.browser import Browser
@@ -27,6 +28,7 @@ from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.curves import Choice, described, together
 from rbd.visual.playback.motion_frames import PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
+from rbd.visual.playback.plan_motion import shown_plan
 from rbd.visual.playback.planar_motion import is_planar, shown_planar
 from rbd.visual.playback.report_motion import shown_report
 from rbd.visual.playback.shown_motion import ShownMotion, a_time
@@ -142,11 +144,13 @@ def shown_motion(motion: Any) -> ShownMotion:
     """
     if isinstance(motion, MotionReport):
         return shown_report(motion)
+    if isinstance(motion, Plan):
+        return shown_plan(motion)
     return shown_planar(motion) if is_planar(motion) else ShownMotion.of_trajectory(motion)
 
 
 def export_motion(
-    motion: Trajectory | Motion | MotionReport | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
     path: str | PathLike[str],
     *,
     fps: float | None = None,
@@ -184,8 +188,9 @@ def export_motion(
     planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
 
     Args:
-        motion: What `rbd.simulate` or `rbd.check_motion` returned, an `rbd.Motion`, which has no forces, or a motion of a
-            planar chain; two samples at least.
+        motion: What `rbd.simulate`, `rbd.check_motion` or `rbd.plan` returned, or `error.plan` of a `CannotPlan`, whose missing
+            wrench is drawn where nothing is proved; an `rbd.Motion`, which has no forces; or a motion of a planar chain; two
+            samples at least.
         path: Of the page, ends in .html.
         fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast; of a report its own.
         speed: Seconds of motion a second at first; the page can change it. By default 1, of a planar chain 0.5.
@@ -292,7 +297,7 @@ def _page(shown: ShownMotion, parts: Sequence[RobotPart], sizes: Sizes, ground: 
 
 
 def motion_sheet(
-    motion: Trajectory | Motion | MotionReport | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
     times: Sequence[float] | Array | int,
     png_path: str | PathLike[str],
     *,
@@ -340,7 +345,7 @@ def motion_sheet(
 
 
 def replay(
-    motion: Trajectory | Motion | MotionReport | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
     *,
     speed: float | None = None,
     scene: Scene | None = None,

@@ -28,7 +28,8 @@ MOMENT_ARM = 0.3
 MOMENT_COLOR = "#8a2f4f"
 MOST_FPS = 120.0
 """Motions of a higher rate are shown at the page's own."""
-_YES = "yes"
+YES = "yes"
+"""Mode of what is no contact where it is the case."""
 
 
 def report_charts(report: MotionReport, choice: Choice = True) -> list[CurveChart]:
@@ -151,7 +152,7 @@ def shown_report(report: MotionReport) -> ShownMotion:
     colors = contact_colors(dict.fromkeys([*points, *names]))
     for cause in CAUSES:
         if (found := report.of_cause(cause)).any():
-            modes[cause] = np.where(found, _YES, OPEN).tolist()
+            modes[cause] = np.where(found, YES, OPEN).tolist()
             events.append(_worst(report, cause))
     com = body_poses(motion.robot, q, ())[1][:, None]
     pushes = (

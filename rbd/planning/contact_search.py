@@ -1,0 +1,249 @@
+"""Contacts that are left open: which foot is put down where, one after the other, between two poses.
+
+Footholds are on the way of each foot, where a whole foot stands (`Floor`). A step is possible where the robot can stand still
+on the other feet at both places of the foot: in reach, bodies apart, forces within friction, torques within limits. Each
+sequence that is found so is planned.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.constraints.contact import Contact
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.constraints.surface import On
+from rbd.constraints.terrain.terrain import Terrain
+from rbd.control.walking.footsteps import Floor
+from rbd.errors import CannotMove, CannotPlan, CannotReach, InputError
+from rbd.mechanism.pose_search import find_pose
+from rbd.model.state import State
+from rbd.motion.frame_terms import placements
+from rbd.motion.self_collision import BodyPairs
+from rbd.planning.stays import PlannedContacts, planned_contacts
+from rbd.problem.ground import Ground
+from rbd.robots.robot import Robot
+from rbd.statics.equilibrium import hold
+
+STEPS = (1, 2, 3, 4, 6)
+"""Numbers of steps of each foot that are tried, one after the other."""
+BUDGET, PLANNED = 60, 3
+"""Steps that are tested, and sequences that are planned, at most."""
+DEPTH = 0.5
+"""The centre of mass stays near, but as far from the edges of what stands as this share of their distance from its middle."""
+OVERLAP = -2e-3
+"""Bodies overlap where their distance is less [m]."""
+SAME = 1e-3
+"""A foot whose places are nearer to each other does not step [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A foot is put down elsewhere.
+
+    Attributes:
+        foot: Its number.
+        X: Where.
+        lift: The pose in which it is lifted.
+        land: The pose in which it is put down.
+    """
+
+    foot: int
+    X: pin.SE3
+    lift: State
+    land: State
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSearch:
+    """Steps from one pose to another.
+
+    Attributes:
+        ends: First and last pose with all feet on the ground.
+        robot: Whose limits are kept.
+        ground: What feet stand on.
+        floor: The same, with places for whole feet.
+        friction: Of the feet.
+        bodies: Pairs of bodies that are apart; None: they may overlap.
+        tried: What was tried in vain, in words.
+    """
+
+    ends: PlannedContacts
+    robot: Robot
+    ground: On
+    floor: Floor
+    friction: float
+    bodies: BodyPairs | None
+    tried: list[str] = field(default_factory=list)
+    tested: dict[tuple[Any, ...], Step | str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, robot: Robot, keyframes: Mapping[float, Any], *, friction: float, ground: On, limited: Robot, self_collision: bool
+    ) -> ContactSearch:
+        """Between two keyframes, in both of which all feet stand; other arguments as of `rbd.plan`."""
+        times = sorted(keyframes) if isinstance(keyframes, Mapping) else []
+        if len(times) != 2:
+            raise InputError(f"keyframes of plan are at {times}; with contacts='search' expected two, the first and the last.")
+        if not isinstance(ground, Ground | Terrain | float | int):
+            raise InputError(f"ground of plan is {ground!r:.80}; with contacts='search' expected a height, Ground or Terrain.")
+        first, last = times
+        stays = [(first, 0.75 * first + 0.25 * last), (0.25 * first + 0.75 * last, last)]
+        feet = {foot.name: stays for foot in robot.feet(friction=friction, on=ground)}
+        ends = planned_contacts(robot, keyframes, feet, friction=friction, ground=ground)
+        on = Ground(point=(0.0, 0.0, float(ground))) if isinstance(ground, float | int) else ground
+        floor = Floor(on, {foot.name: foot for foot in ends.contacts}, math.inf)
+        return cls(ends, limited, ground, floor, friction, BodyPairs.of(robot) if self_collision else None)
+
+    @property
+    def feet(self) -> tuple[Contact, ...]:
+        """The feet."""
+        return self.ends.contacts
+
+    def first(self, planned: Callable[[PlannedContacts], Any]) -> Any:
+        """The plan over the first sequence that has one.
+
+        Raises:
+            CannotPlan: none was found; with what was tried.
+        """
+        last, count = None, 0
+        for steps in self.sequences():
+            count += 1
+            try:
+                return planned(self.contacts(steps))
+            except (CannotPlan, CannotReach, InputError) as error:
+                words = ", ".join(self._words(step.foot, step.X) for step in steps)
+                self.tried.append(f"{words}: {error}")
+                last = error
+            if count == PLANNED:
+                break
+        said = f"{len(self.tested)} steps were tested, and {count} sequences of them planned"
+        raise CannotPlan(
+            f"no sequence of contacts of {self.robot.name} was found: {said}. {'; '.join(self.tried[-4:])}",
+            tried=tuple(self.tried), plan=getattr(last, "plan", None), momentum=getattr(last, "momentum", None),
+        ) from last  # fmt: skip
+
+    def sequences(self) -> Iterator[list[Step]]:
+        """Steps from the first to the last pose, few of each foot first."""
+        found = set[tuple[Any, ...]]()
+        for n in STEPS:
+            for steps in self._of(self._places(n)):
+                key = tuple((step.foot, *step.X.translation.round(6)) for step in steps)
+                if key not in found:
+                    found.add(key)
+                    yield steps
+
+    def _places(self, n: int) -> list[list[pin.SE3]]:
+        """Footholds of each foot, the first and the last among them."""
+        out = []
+        for foot, (a, b) in zip(self.feet, self.ends.stays, strict=True):
+            way = b.X.translation - a.X.translation
+            own, moves = [a.X], np.linalg.norm(way) > SAME or np.linalg.norm(pin.log3(a.X.rotation.T @ b.X.rotation)) > SAME
+            for k in range(1, n) if moves else ():
+                X = pin.SE3.Interpolate(a.X, b.X, k / n)
+                yaw, along = math.atan2(X.rotation[1, 0], X.rotation[0, 0]), way[:2] / (np.linalg.norm(way[:2]) or 1.0)
+                try:
+                    own.append(self.floor.nearest(foot.name, X.translation, yaw, along, float(X.translation[2])))
+                except InputError as error:
+                    self.tried.append(str(error))
+            out.append([*own, b.X] if moves else own)
+        return out
+
+    def _of(self, places: list[list[pin.SE3]]) -> Iterator[list[Step]]:
+        """From place to place, first with those that are farthest on their way, the feet as near to each other as can be."""
+        goal = tuple(len(own) - 1 for own in places)
+        queue: list[tuple[int, int, int, tuple[int, ...], list[Step]]] = [(sum(goal), 0, 0, (0,) * len(goal), [])]
+        closed, count = set[tuple[int, ...]](), 0
+        while queue:
+            *_, node, steps = heapq.heappop(queue)
+            if node == goal:
+                yield steps
+                continue
+            if node in closed:
+                continue
+            closed.add(node)
+            for f in (f for f, last in enumerate(goal) if node[f] < last):
+                then = (*node[:f], node[f] + 1, *node[f + 1 :])
+                at = [own[i] for own, i in zip(places, node, strict=True)]
+                step = self._tested(at, f, places[f][then[f]], steps)
+                if isinstance(step, Step):
+                    count += 1
+                    left = [last - i for i, last in zip(then, goal, strict=True) if last]
+                    heapq.heappush(queue, (sum(left), max(left) - min(left), count, then, [*steps, step]))
+
+    def _tested(self, at: list[pin.SE3], f: int, X: pin.SE3, steps: list[Step]) -> Step | str:
+        """The step, or why it is none."""
+        key = (f, *np.round([*X.translation, *(x for own in at for x in own.translation)], 6))
+        if key not in self.tested:
+            if len(self.tested) >= BUDGET:
+                return "not tested"
+            self.tested[key] = found = self._step(at, f, X, steps[-1].land if steps else self.ends.keys[0][1])
+            if isinstance(found, str):
+                self.tried.append(f"{self._words(f, X)}: {found}")
+        return self.tested[key]
+
+    def _step(self, at: list[pin.SE3], f: int, X: pin.SE3, before: State) -> Step | str:
+        stands = [foot for i, foot in enumerate(self.feet) if i != f]
+        if not stands:
+            return "no other foot is left to stand on"
+        under = [X.act(c - np.mean(c0, axis=0))[:2] for X, c0 in self._corners(at, f) for c in c0]
+        com = _inside(before.com[:2], convex_hull(np.array(under)))
+        try:
+            lift = self._pose(at, com, before)
+            land = self._pose([X if i == f else own for i, own in enumerate(at)], com, lift)
+            for state in (lift, land):
+                hold(State(self.robot, state.q), stands, margin=0.1)
+        except CannotReach as error:
+            return f"out of reach ({', '.join(error.misses)})" if error.misses else "out of reach"
+        except CannotMove as error:
+            return str(error).split(". ")[0]
+        apart = [self._overlap(state) for state in (lift, land)]
+        return f"bodies overlap: {' '.join(apart).strip()}" if any(apart) else Step(f, X, lift, land)
+
+    def _corners(self, at: list[pin.SE3], f: int) -> list[tuple[pin.SE3, Array]]:
+        """(pose, corners) of the feet that stand."""
+        return [(X, np.asarray(c.corners)) for i, (X, c) in enumerate(zip(at, self.feet, strict=True)) if i != f]
+
+    def _pose(self, at: list[pin.SE3], com: Array, before: State) -> State:
+        places = {c.name: X if len(c.corners) > 1 else X.translation for c, X in zip(self.feet, at, strict=True)}
+        return find_pose(self.ends.robot, places, ground=self.ground, posture=before, com=com).state
+
+    def _overlap(self, state: State) -> str:
+        if self.bodies is None:
+            return ""
+        for i, j, near in self.bodies.near(*placements(self.robot, state.q[None]), within=0.0):
+            if near.gap.min() < OVERLAP:
+                return f"{self.bodies.shapes[i][1]!r:.40} and {self.bodies.shapes[j][1]!r:.40}"
+        return ""
+
+    def _words(self, f: int, X: pin.SE3) -> str:
+        x, y, z = np.round(X.translation, 2) + 0.0
+        return f"{self.feet[f].name!r:.80} to ({x:.2f}, {y:.2f}, {z:.2f}) m"
+
+    def contacts(self, steps: list[Step]) -> PlannedContacts:
+        """Keyframes and contacts of a sequence: equal times for each step and for what is before, between and after them."""
+        (start, first), (end, last) = self.ends.keys
+        t = np.linspace(start, end, 2 * len(steps) + 2)
+        keys: dict[float, Any] = {float(t[0]): first, float(t[-1]): last}
+        lands, stays = [float(t[0])] * len(self.feet), [list[tuple[float, float]]() for _ in self.feet]
+        for k, step in enumerate(steps):
+            lift, land = float(t[2 * k + 1]), float(t[2 * k + 2])
+            keys |= {lift: step.lift, land: step.land}
+            stays[step.foot].append((lands[step.foot], lift))
+            lands[step.foot] = land
+        given = {foot.name: [*own, (land, float(t[-1]))] for foot, own, land in zip(self.feet, stays, lands, strict=True)}
+        return planned_contacts(self.ends.robot, keys, given, friction=self.friction, ground=self.ground)
+
+
+def _inside(com: Array, hull: Array) -> Array:
+    """The first place on the way to the middle of a hull that is well inside, shape (2,)."""
+    middle = hull.mean(axis=0)
+    deep = DEPTH * inside_distance(middle, hull)
+    return next((x for s in np.linspace(0.0, 1.0, 21) if inside_distance(x := com + s * (middle - com), hull) >= deep), middle)
