@@ -4,72 +4,108 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_flag
+from rbd.centroid import CentroidPlan
+from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.constraints.surface import On
-from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.schedules import AcceptedStep
-from rbd.control.walking.plan import COM, WalkPlan
-from rbd.control.walking.swings import Swing
-from rbd.control.walking.walk import FAR, OFF, Walk
-from rbd.errors import InputError, NoSolution
+from rbd.control.task_terms import Reference
+from rbd.control.walking.footsteps import centre_of
+from rbd.control.walking.plan import COARSE, REST, WalkPlan
+from rbd.control.walking.swings import Swing, to_rest
+from rbd.control.walking.walk import Walk
+from rbd.errors import InputError
+from rbd.model.external import generalised
 from rbd.model.state import State
 from rbd.records import counted
 from rbd.robots.robot import Robot
 
-AGAIN = 0.12
-"""Least time between two plans [sqrt(h / g)]."""
-LIFT = 0.04
-"""Height of feet in the air over what is below them, over h: lower than in a walk, so that they land sooner."""
-SWINGS = (1.0, 1.4)
-"""How long a foot that is lifted at once may be in the air [sqrt(h / g)]; the last, of one that follows."""
-BETWEEN = 0.2
-"""From when a foot is to land until the next is lifted [sqrt(h / g)]."""
-STEP = 30.0
-"""Cost of a step, in that of the centroid's program: fewer steps are better."""
-QUICK, HASTE = 25.0, 100.0
-"""Acceleration of a foot in the air [m/s2] that costs so much: legs that are thrown forward pull the trunk along."""
+SOLE = 1.2
+"""The centre of pressure is kept inside the plan's points of a sole (`carrying`), scaled by this: nine tenths of the sole."""
 LOOK = 0.13
 """A push that acts is expected to last for so long [sqrt(h / g)]."""
-LEVEL, FASTEST, AGREED = 0.27, 0.5, 1e-3
-"""As of `rbd.control.walking.plan`: more angular momentum is allowed than in a walk, feet are not so quick from rest."""
+BEYOND, LEANS = 0.04, 0.05
+"""A capture point outside the soles by so much is still held, by angular momentum: the centre of pressure that is asked for may
+be outside by the second [h]."""
+FEEDBACK = 0.6
+"""On both feet the centre of pressure is farther from where it is to rest than the capture point, by this share."""
+LIFT, DEEP = 0.05, 0.017
+"""Height of feet in the air over what is below them; and how far below the ground their way ends, so that they land on time and
+not slowly [h]."""
+FADE = 0.07
+"""Forces of feet rise and fall within this time; feet that are late are counted on after it [sqrt(h / g)]."""
+TIMES, OTHER_TIMES = (0.7, 0.85, 1.0, 1.2, 1.4), (0.8, 1.0, 1.25)
+"""How long a foot may be in the air [sqrt(h / g)]; and how its time left may change, as factors."""
+AGAIN, SOONEST = 0.1, 0.3
+"""Least time between two plans; a foot that lands sooner is not put elsewhere [sqrt(h / g)]."""
+FASTEST = 4.0
+"""Largest level acceleration of a foot in the air [g]: what hips of humanoids have for their legs, about."""
+FORWARD, OUTWARD, INWARD = 0.8, 0.75, 0.2
+"""Half-axes of the ellipse in which a foot is put down, about where it stands beside the other [h]; and by how much feet come
+nearer to each other at most, as a share of their distance: so legs do not cross."""
+STRETCHED, NEAR = 0.6, 0.4
+"""A foot farther from the capture point than this is put down nearer to the other [h], in an ellipse smaller by that factor."""
+STEP, HASTE, TIME, MISS, DEPTH = 1.0, 0.3, 0.5, 100.0, 3
+"""Costs of a step, of a foot that is as fast as it can be, of 1 sqrt(h / g) in the air, of a capture point h outside the feet
+after the last step; and how many steps are looked ahead."""
+_SHARES = np.linspace(0.0, 1.0, 15)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A foot is put down at a place, shape (2,) [m], in a time [s]; cost of it and the steps after."""
+
+    cost: float
+    foot: str
+    T: float
+    place: Array
 
 
 class Balance(Walk):
     """A controller of `rbd.simulate` that stands on two feet and, pushed too far, comes to rest again by steps.
 
-    With h the height of the centre of mass c over the feet, x = c + sqrt(h / g) c' is the capture point. Where it is off the
-    plan's by more than 2 % of h, a new motion to rest is planned from the state, at most every 0.12 sqrt(h / g), by the
-    centroid's program: on the feet as they stand; with a step of either foot, of two durations; and with another that follows.
-    The place of each foothold is the program's, as far as feet come in the time; that of a foot in the air may land sooner.
-    The plan of the least cost is followed, where each step costs something, and a hasty one more. What a single step cannot
-    save is saved by those that are planned later.
+    With h the height of the centre of mass c over the feet, w = sqrt(g / h) and z the centre of pressure, the capture point
+    x = c + c' / w moves away from it:
 
-    A push that acts, which is the rate of momentum less that of the contact forces, is expected to last for 0.13 sqrt(h / g).
-    Impacts of feet count as pushes in the step in which they land. The plan goes on where a foot lands late. Feet stay where
-    they were put down. It does not save every fall: Talos is saved from 80 N s at its torso forwards and backwards, and falls
-    to the left from 65.
+        c'' = w^2 (c - z) + F / m,    x(T) = z + (x - z) exp(w T)    over a foot that stands, once the push F has ended
 
-    Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
-    the controller keeps as well as it can (`log`).
+    It is held while it is over the soles, or beside them by less than 4 % of h. Else a foot is lifted at once: of either foot
+    and five times T that one is taken after which x is over the feet, at the least cost of steps, time and acceleration; up to
+    three steps are looked ahead. Until shortly before it lands the foot is put elsewhere, sooner or later, each 0.1 / w, from
+    the state as it is then. So errors do not add up. A foot that is left far behind is put beside the other.
+
+    The centre of pressure that is asked for brings x over the foothold at the landing; on both feet, to their middle. The
+    centre of mass keeps its height. A whole-body controller finds torques and forces for it, and turns trunk and arms where the
+    soles do not suffice.
+
+    What pushes is what neither motors nor feet explain, M (v - v_before) / dt + h - S^T tau - J^T f with the forces f that the
+    feet had in the step before; it is expected to last for 0.13 / w, and the controller counts on it in its next step.
+
+    Not considered: collisions of legs, but for the least distance of two feet; the inertia of the leg in the air, limits of
+    joints and torques in the plan, which the controller keeps as well as it can (`log`); slopes, in the motion of x. Constants
+    are shares of h, g and sqrt(h / g); they were chosen on pushes of Talos with 80 N s. What was simulated is told in
+    docs/reference/control.md.
 
     Args:
         robot: The robot, with two feet.
         terrain: What it stands on: a plane, a height [m], or `rbd.Terrain`.
-        friction: Coulomb's coefficient of the contacts; the plan uses 80 % of it.
+        friction: Coulomb's coefficient of the contacts.
         state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture.
         model: The model with which it computes, of the same joints; None: the robot itself.
-        steps: Whether it takes steps; False: only motions on the feet as they stand are planned.
+        steps: Whether it takes steps; False: it stays on the feet as they stand.
 
     Attributes:
         robot: The robot.
         state: Where it starts.
         contacts: Its feet.
-        plan: What it follows now, a `WalkPlan`; its `footsteps` are those that it takes.
+        plan: What it follows now, a `WalkPlan`; its `footsteps` are those that it took or takes. Its centre of mass is that of
+            the equations above, with one force, at z.
         plans: (time, plan) of all since the start.
 
     Raises:
@@ -83,6 +119,8 @@ class Balance(Walk):
         >>> print(balance)
         g1 stands, and has taken no steps
     """
+
+    _costs: ClassVar[tuple[float, Any, float]] = 3000.0, np.array([1.0, 1.0, 10.0]), 5.0
 
     def __init__(
         self,
@@ -102,10 +140,17 @@ class Balance(Walk):
                 "`rbd.control.Walk` walks with four, and takes up pushes on its way."
             )
         self.steps = steps
-        self._before: tuple[float, Array, Array] | None = None
-        self._planner = replace(
-            self._planner, lift=LIFT * self._planner.h, level=LEVEL, fastest=FASTEST, agreed=AGREED, height=COM
-        )  # fmt: skip
+        h, unit = self._planner.h, self._planner.unit
+        self._planner = replace(self._planner, lift=LIFT * h, fade=FADE * unit)
+        self._first = replace(self._first, fade=FADE * unit, tilts=False)
+        self._feet, self._w, yaw = {foot.name: foot for foot in self.contacts}, 1.0 / unit, self._planner.yaw
+        self._ahead = np.array([math.cos(yaw), math.sin(yaw)])
+        self._left = np.array([-self._ahead[1], self._ahead[0]])
+        at = {foot: X.translation for foot, X in self._planner.poses.items()}
+        self._other = dict(zip(at, reversed(at), strict=True))
+        self._apart = {foot: float((p - at[self._other[foot]])[:2] @ self._left) for foot, p in at.items()}
+        self._rest = self.state.com - np.mean(list(at.values()), axis=0)
+        self._control = replace(self._control, external=self._known)
         self.reset()
 
     @property
@@ -116,8 +161,11 @@ class Balance(Walk):
     def reset(self) -> None:
         """Forget the motion until now."""
         super().reset()
-        self._before = None
-        self._follow(self._first)
+        self._before: tuple[float, State, Array] | None = None
+        self._landed = dict.fromkeys(self._other, 0)
+        self._tau, self._push = np.zeros(self.robot.nv), np.zeros(6)
+        self._wanted = Reference(self.state.com, np.zeros(3), np.zeros(3))
+        self._control.reschedule(self.plan.schedule)
 
     def accepted(self, step: AcceptedStep) -> None:
         """A step begins: plan where that is needed, and compute the torques that are held.
@@ -126,115 +174,209 @@ class Balance(Walk):
             InputError: a state of another robot than before.
             NoSolution: no torques were found.
         """
-        A_g, rate, mass = step.state.centroidal()
-        momentum, pushed = A_g @ step.state.v, np.zeros(6)
-        if self._before is not None:
-            t, last, expected = self._before
-            pushed = (momentum - last) / (step.t - t) - expected
-        if step.t >= self._again:
-            self._save(step, momentum + LOOK * self._planner.unit * pushed)
+        t, state = step.t, step.state
+        A_g, _, mass = state.centroidal()
+        v = (A_g[:3] @ state.v) / mass
+        self._tau = self._unexplained(step)
+        self._push = generalised(state, self._tau)[1]
+        self._land(step)
+        x = (state.com + v / self._w)[:2] + LOOK * self._push[:2] / (mass * self._w**2)
+        poses = {name: centre_of(state, foot) for name, foot in self._feet.items()}
+        soles = {name: self._sole(name, X) for name, X in poses.items()}
+        if self.steps and t >= self._again:
+            self._decide(t, state.com, x, poses, soles)
+        self._wanted = self._followed(t, state.com, v, x, poses, soles)
         self._control.accepted(step)
-        self._before = step.t, momentum, A_g @ self._control.actuation.a + rate
+        self._before = t, state, self._control(state, t)
 
     def __str__(self) -> str:
         n = len(self.plan.footsteps)
         taken = "has taken no steps" if not n else f"has taken, or takes, {counted(n, 'step')}"
         return f"{self.robot.name} stands, and {taken}"
 
-    def _follow(self, plan: WalkPlan) -> None:
-        """What carries the robot alone is not lifted before another foot has landed."""
-        self.plan, wanted = plan, plan.schedule
-        self._control.reschedule(ContactSchedule(wanted.intervals, fade=wanted.fade))
+    def _known(self, state: State, t: float) -> Array:
+        return self._tau
 
-    def _save(self, step: AcceptedStep, momentum: Array) -> None:
-        """A new plan, where the capture point is off."""
-        t, state, unit = step.t, step.state, self._planner.unit
-        v = momentum[:3] / self.robot.mass
-        far = self._far(state, v, t)
-        if far < OFF:
+    def _com(self, t: float) -> Reference:
+        return self._wanted
+
+    def _momentum(self, t: float) -> Reference:
+        return Reference(np.zeros(6), np.concatenate([np.zeros(3), self._push[3:]]))
+
+    def _unexplained(self, step: AcceptedStep) -> Array:
+        """Generalised forces of the step before that neither motors nor feet explain, shape (nv,)."""
+        if self._before is None or not step.contacts.keys() >= self._feet.keys():
+            return np.zeros(self.robot.nv)
+        t, state, tau = self._before
+        out = np.asarray(state.M @ (step.state.v - state.v)) / (step.t - t) + state.h
+        out[state.robot.motors] -= tau
+        for name, foot in self._feet.items():
+            for p, f in zip(foot.corners, step.contacts[name].forces, strict=True):
+                if f.any():
+                    out -= state.frame(foot.frame, foot.placement.act(p)).J[:3].T @ f
+        return out
+
+    def _land(self, step: AcceptedStep) -> None:
+        """A foot that touches late in its swing has landed, and stands from then on."""
+        flying = self._flying
+        if flying is None:
             return
-        self._again = t + AGAIN * unit
-        found = _Tried(self, t, (state.com, v, momentum[3:]), self.plan)
-        found.go_on(far > FAR)
-        if self.steps:
-            found.step()
-        if found.plans:
-            best = found.best[1]
-            self._follow(best)
-            self.plans.append((t, best))
-
-
-class _Tried:
-    """Plans from one state, with their costs."""
-
-    def __init__(self, balance: Balance, t: float, start: tuple[Array, Array, Array], plan: WalkPlan) -> None:
-        self.planner, self.t, self.start, self.plan = balance._planner, t, start, plan
-        self.plans = list[tuple[float, WalkPlan]]()
-        self.begun = {foot: tuple(s for s in own if s.start < t) for foot, own in plan.swings.items()}
-        self.to_come = sum(s.landing > t for own in plan.swings.values() for s in own)
+        *before, s = self.plan.swings[flying]
+        touch = step.contacts.get(flying)
+        if step.t > s.start + 0.5 * s.T and touch is not None and touch.touches.any():
+            self._landed[flying] += 1
+            if step.t < s.landing:
+                self._follow(replace(self.plan, swings={**self.plan.swings, flying: (*before, replace(s, T=step.t - s.start))}))
+                self._again = step.t
 
     @property
-    def best(self) -> tuple[float, WalkPlan]:
-        """(cost, plan) of the least cost."""
-        return min(self.plans, key=lambda each: each[0])
+    def _flying(self) -> str | None:
+        """The foot in the air."""
+        return next((foot for foot, own in self.plan.swings.items() if len(own) > self._landed[foot]), None)
 
-    def go_on(self, hurry: bool) -> None:
-        """The plan as it is, from here; feet may be put down sooner."""
-        try:
-            found = self.planner.again(self.plan, self.t, *self.start, hurry)
-        except NoSolution:
-            return
-        self.plans.append((self._cost(found, self.to_come), found))
+    def _sole(self, foot: str, X: pin.SE3) -> Array:
+        """Where a foot may have its centre of pressure: corners, shape (k, 2)."""
+        return np.array([X.act(p)[:2] for p in SOLE * self._planner.points[foot]])
 
-    def step(self) -> None:
-        """Steps that are not in the plan, unless one more would cost more than what is to be saved."""
-        if self.plans and self.best[0] <= STEP * (self.to_come + 1):
-            return
-        unit, flying = self.planner.unit, [f for f, own in self.begun.items() if own and own[-1].landing > self.t]
-        if flying:
-            if self.to_come == 1:
-                plan = self.best[1] if self.plans else self.plan
-                self._follow(plan, flying[0], plan.swings[flying[0]][-1].landing)
-            return
-        before = len(self.plans)
-        for foot in self.begun:
-            for T in SWINGS:
-                self._try(self._with(self.begun, foot, self.t, T * unit), 1)
-        if len(self.plans) > before:
-            cost, plan = self.best
-            first = [f for f, own in plan.swings.items() if len(own) > len(self.begun[f])]
-            if len(first) == 1 and cost > 2.0 * STEP:
-                self._follow(plan, first[0], plan.swings[first[0]][-1].landing)
+    def _follow(self, plan: WalkPlan) -> None:
+        self.plan = plan
+        self._control.reschedule(plan.schedule)
 
-    def _follow(self, plan: WalkPlan, foot: str, landing: float) -> None:
-        """The other foot follows."""
-        other = next(f for f in self.begun if f != foot)
-        unit = self.planner.unit
-        self._try(self._with(plan.swings, other, landing + BETWEEN * unit, SWINGS[-1] * unit), 2)
+    def _decide(self, t: float, c: Array, x: Array, poses: Mapping[str, pin.SE3], soles: Mapping[str, Array]) -> None:
+        """A step where x is not held; another foothold or time of the foot in the air."""
+        h, unit, at = self._planner.h, self._planner.unit, {foot: X.translation[:2] for foot, X in poses.items()}
+        shapes, foot = {f: soles[f] - p for f, p in at.items()}, self._flying
+        if foot is None:
+            far = max(at, key=lambda f: float(np.linalg.norm(at[f] - x)))
+            if not self._held(x, *soles.values()):
+                best = min((self._best(x, at, shapes, f) for f in at), key=lambda each: each.cost)
+            elif np.linalg.norm(at[far] - x) > STRETCHED * h and self._held(x, soles[self._other[far]]):
+                best = self._best(x, at, shapes, far, 1)
+            else:
+                return
+            own = list(self.plan.swings[best.foot])
+            if own and t - own[-1].landing < FADE * unit:
+                return
+            X = poses[best.foot]
+            X = self._planner.floor.pose(best.foot, X.translation, math.atan2(X.rotation[1, 0], X.rotation[0, 0]))
+            s = self._planner.way(best.foot, X, self._foothold(best, X), t, best.T)
+            if not self._planner.floor.uneven:
+                s = replace(s, forward=(0.0, 1.0))
+        else:
+            *own, s = self.plan.swings[foot]
+            left = s.landing - t
+            if left < SOONEST * unit:
+                return
+            at[foot] = s.end.translation[:2]
+            best = self._best(x, at, shapes, foot, moving=(s, t))
+            if abs(best.T - left) < 1e-9 and np.linalg.norm(best.place - at[foot]) < 0.005 * h:
+                return
+            s = s.redirected(t, self._foothold(best, s.end), t + best.T)
+        self._again = t + AGAIN * unit
+        plan = replace(self.plan, swings={**self.plan.swings, best.foot: (*own, s)})
+        self._follow(self._predicted(plan, t, c, x, soles[self._other[best.foot]], s))
+        self.plans.append((t, self.plan))
 
-    def _with(self, swings: Mapping[str, tuple[Swing, ...]], foot: str, at: float, T: float) -> Mapping[str, tuple[Swing, ...]]:
-        """One more way of a foot through the air: to beside the other, as it stood at first."""
-        poses = self.planner.poses
-        other = next(f for f in swings if f != foot)
-        here, there = (swings[f][-1].end if swings[f] else poses[f] for f in (foot, other))
-        beside = there * poses[other].inverse() * poses[foot]
-        end = self.planner.floor.shifted(foot, here, (beside.translation - here.translation)[:2])
-        return {**swings, foot: (*swings[foot], self.planner.way(foot, here, pin.SE3(end), at, T))}
+    def _foothold(self, best: _Step, X: pin.SE3) -> pin.SE3:
+        """Pose of a foot that was at X, at its new place, and a little deeper than the ground."""
+        Y = self._planner.floor.shifted(best.foot, X, best.place - X.translation[:2])
+        height = self._planner.floor.height(*Y.translation[:2])[0]
+        return pin.SE3(Y.rotation, np.array([*Y.translation[:2], height - DEEP * self._planner.h]))
 
-    def _try(self, swings: Mapping[str, tuple[Swing, ...]], more: int) -> None:
-        try:
-            found = self.planner.again(replace(self.plan, swings=swings), self.t, *self.start, False)
-        except (NoSolution, InputError):
-            return
-        self.plans.append((self._cost(found, more), found))
+    def _predicted(self, plan: WalkPlan, t: float, c: Array, x: Array, sole: Array, s: Swing) -> WalkPlan:
+        """The plan with its centre of mass: over the foot that stands until the landing, then to rest over x."""
+        w, mass, g, left = self._w, self.robot.mass, float(np.linalg.norm(self.robot.gravity)), s.landing - t
+        z = _into(x, convex_hull(sole))
+        times = np.linspace(t, s.landing + REST / w, max(round((left * w + REST) / COARSE), 8) + 1)
+        u = np.minimum(times - t, left)[:, None]
+        over = z + 0.5 * (x - z) * np.exp(w * u) + (c[:2] - z - 0.5 * (x - z)) * np.exp(-w * u)
+        ends = z + (x - z) * math.exp(w * left)
+        later = np.maximum(times - s.landing, 0.0)[:, None]
+        over = np.where(later > 0.0, ends + (over - ends) * np.exp(-w * later), over)
+        com = np.column_stack([over, np.full(len(times), c[2])])
+        at = np.where(later > 0.0, ends, z)
+        force = np.column_stack([mass * w**2 * (over - at), np.full(len(times), mass * g)])[:, None]
+        still = np.zeros((len(times), 3))
+        known = CentroidPlan(com, still, force, np.zeros((0, 2)), "Solved", 0.0, 0.0, still[0])
+        return replace(plan, t=times, centroid=known)
 
-    def _cost(self, plan: WalkPlan, steps: int) -> float:
-        """The program's, of steps, and of feet that are lifted from now on and move fast."""
-        out = plan.centroid.cost + STEP * steps
-        for own in plan.swings.values():
-            for s in own:
-                if s.start >= self.t:
-                    way = float(np.linalg.norm((s.end.translation - s.begin.translation)[:2]))
-                    peak = 10.0 / math.sqrt(3.0) * way / ((s.forward[1] - s.forward[0]) * s.T) ** 2
-                    out += HASTE * (peak / QUICK) ** 2
-        return out
+    def _held(self, x: Array, *soles: Array) -> bool:
+        """Whether x is over soles, or a little beside them."""
+        return inside_distance(x, convex_hull(np.concatenate(soles))) >= -BEYOND * self._planner.h
+
+    def _best(
+        self,
+        x: Array,
+        at: Mapping[str, Array],
+        shapes: Mapping[str, Array],
+        foot: str,
+        depth: int = DEPTH,
+        moving: tuple[Swing, float] | None = None,
+    ) -> _Step:
+        """The best step of a foot, while x moves away from the other one; of one that moves at a time, how it goes on."""
+        w, unit, h, other = self._w, self._planner.unit, self._planner.h, self._other[foot]
+        sole = at[other] + shapes[other]
+        z, held = _into(x, convex_hull(sole)), self._held(x, sole)
+        left = 0.0 if moving is None else moving[0].landing - moving[1]
+        best = _Step(math.inf, foot, left, at[foot])
+        for T in [T * unit for T in TIMES] if moving is None else [factor * left for factor in OTHER_TIMES]:
+            if moving is not None and T > left and moving[1] + T - moving[0].start > TIMES[-1] * unit:
+                continue
+            ends = z + (x - z) * math.exp(w * T)
+            place, haste = self._placed(at[foot] if held else ends, at, foot, T, NEAR if held else 1.0, moving)
+            if moving is not None and haste > 1.3 and T < left:
+                continue
+            cost = STEP + HASTE * haste**2 + TIME * T / unit
+            miss = 0.0 if held else max(-inside_distance(ends, convex_hull(np.concatenate([sole, place + shapes[foot]]))), 0.0)
+            if miss:
+                cost += self._best(ends, {**at, foot: place}, shapes, other, depth - 1).cost if depth > 1 else MISS * miss / h
+            if cost < best.cost:
+                best = _Step(cost, foot, T, place)
+        return best
+
+    def _placed(
+        self, x: Array, at: Mapping[str, Array], foot: str, T: float, share: float, moving: tuple[Swing, float] | None
+    ) -> tuple[Array, float]:
+        """(place, largest acceleration over the most that it may be) of a foot that is to be below x, as far as it comes."""
+        h, other, apart = self._planner.h, at[self._other[foot]], self._apart[foot]
+        u, side = float((x - other) @ self._ahead), math.copysign(1.0, apart)
+        beside = side * float((x - other) @ self._left) - abs(apart)
+        out = max(math.hypot(u / (share * FORWARD * h), beside / (share * OUTWARD * h)), 1.0)
+        beside = max(beside / out, -INWARD * abs(apart))
+        way = other + u / out * self._ahead + side * (abs(apart) + beside) * self._left - at[foot]
+        begin = np.array([at[foot], np.zeros(2), np.zeros(2)])
+        if moving is not None:
+            X, v, a = moving[0].at(moving[1])
+            begin = np.array([X.translation[:2], v[:2], a[:2]])
+        most, peak = FASTEST * h * self._w**2, math.inf
+        bent = np.array([to_rest(u * T, T, at[foot] - begin[0], begin[1], begin[2])[2] for u in _SHARES])
+        more = (60.0 * _SHARES - 180.0 * _SHARES**2 + 120.0 * _SHARES**3)[:, None] * way / T**2
+        for part in (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0):
+            peak = float(np.linalg.norm(bent + part * more, axis=1).max())
+            if peak < most:
+                break
+        return at[foot] + part * way, peak / most
+
+    def _followed(
+        self, t: float, c: Array, v: Array, x: Array, poses: Mapping[str, pin.SE3], soles: Mapping[str, Array]
+    ) -> Reference:
+        """What the centre of mass is to do now."""
+        flying = self._flying
+        stand = [foot for foot in poses if foot != flying]
+        places = np.array([poses[foot].translation for foot in stand])
+        if flying is None:
+            z = x + FEEDBACK * (x - places.mean(axis=0)[:2] - self._rest[:2])
+        else:
+            s = self.plan.swings[flying][-1]
+            grows = math.exp(self._w * max(s.landing - t, FADE / self._w))
+            z = (x * grows - s.end.translation[:2]) / (grows - 1.0)
+        inside = _into(z, convex_hull(np.concatenate([soles[foot] for foot in stand])))
+        out = float(np.linalg.norm(z - inside))
+        z = inside + min(LEANS * self._planner.h / out, 1.0) * (z - inside) if out else z
+        a = self._w**2 * (c[:2] - z) + self._push[:2] / self.robot.mass
+        return Reference(np.array([*c[:2], places[:, 2].mean() + self._rest[2]]), np.array([*v[:2], 0.0]), np.array([*a, 0.0]))
+
+
+def _into(p: Array, hull: Array) -> Array:
+    """The nearest point of a hull."""
+    return p if inside_distance(p, hull) >= 0.0 else nearest_on_edge(p, hull)

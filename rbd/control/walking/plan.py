@@ -226,12 +226,6 @@ class Planner:
         tilt: See `Gait`.
         overlap: See `Gait`.
         inertia: Of the robot that turns over its feet, see `inertia_on_feet`, shape (3, 3) [m2].
-        level: See `LEVEL`.
-        fastest: See `FASTEST`.
-        agreed: See `AGREED`.
-        height: Cost of the height, see `COM`.
-        late: See `LATE`.
-        quicker: See `QUICKER`.
     """
 
     robot: CheckedModel
@@ -248,12 +242,6 @@ class Planner:
     tilt: float
     overlap: float
     inertia: Array
-    level: float = LEVEL
-    fastest: float = FASTEST
-    agreed: float = AGREED
-    height: float = HEIGHT
-    late: float = LATE
-    quicker: float = QUICKER
 
     def over(self, steps: Sequence[Footstep]) -> WalkPlan:
         """A plan over footsteps, from rest to rest."""
@@ -305,7 +293,7 @@ class Planner:
             every: Time between two of its times [sqrt(h / g)].
             shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
         """
-        late = self.late * self.unit if shifts else 0.0
+        late = LATE * self.unit if shifts else 0.0
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
         none: Any = None
         draft = WalkPlan(
@@ -334,7 +322,7 @@ class Planner:
         )  # fmt: skip
         found = program.solve()
         for _ in range(PASSES):
-            if found.residual < self.agreed:
+            if found.residual < AGREED:
                 break
             found = program.solve(found)
         moved = {key: found.shifts[i] for key, i in number.items()}
@@ -345,9 +333,9 @@ class Planner:
         g = h / unit**2
         radian = 0.5 * float(self.inertia[0, 0] + self.inertia[1, 1]) / (g * unit)
         return CentroidCosts(
-            com=COM * h, height=self.height * h, momentum=MOMENT * radian * (self.tilt or LEVEL) / unit,
+            com=COM * h, height=HEIGHT * h, momentum=MOMENT * radian * (self.tilt or LEVEL) / unit,
             acceleration=ACCELERATION * g, jerk=JERK * g / unit, force_rate=FORCE_RATE / unit, shift=SHIFT * h,
-            turning=radian * (self.tilt or self.level),
+            turning=radian * (self.tilt or LEVEL),
         )  # fmt: skip
 
     def _reference(self, draft: WalkPlan, placed: Mapping[str, Sequence[pin.SE3]]) -> Array:
@@ -452,7 +440,7 @@ class Planner:
         first = max((s.landing for s in swings if s.start < t < s.landing), default=t)
         last = first + QUICK_FOR * self.unit
         shortest = min((s.T for s in swings if first <= s.start < last), default=0.0)
-        factor = min(max(self.quicker, QUICKEST * self.unit / shortest), 1.0) if shortest else 1.0
+        factor = min(max(QUICKER, QUICKEST * self.unit / shortest), 1.0) if shortest else 1.0
 
         def moved(x: float) -> float:
             return first + factor * min(x - first, last - first) + max(x - last, 0.0)
@@ -471,7 +459,7 @@ class Planner:
             for k, s in enumerate(some[foot]):
                 left = s.landing - max(t, s.start)
                 if left > SOONEST * self.unit:
-                    shifts[foot, k] = self.fastest * self.h / self.unit * (left - 0.8 * SOONEST * self.unit)
+                    shifts[foot, k] = FASTEST * self.h / self.unit * (left - 0.8 * SOONEST * self.unit)
         end = max([t, *(s.landing for own in some.values() for s in own)]) + REST * self.unit
         found, moved = self.plan(some, t, end, start, min(COARSE, max(0.5 * abs(self.overlap), EVERY)), shifts)
         swings = dict[str, tuple[Swing, ...]]()

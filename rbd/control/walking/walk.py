@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -115,6 +115,9 @@ class Walk(Displayed):
         0.042 m, 0 violated steps
     """
 
+    _costs: ClassVar[tuple[float, Any, float]] = 1000.0, 10.0, 0.5
+    """Of the centre of mass, of how the base is turned, and of the posture."""
+
     def __init__(
         self,
         robot: Robot,
@@ -221,12 +224,13 @@ class Walk(Displayed):
 
     def _tasks(self, R: Array) -> list[Task]:
         """What is followed; the base more firmly where it is to tilt, all more firmly by small robots on four feet."""
-        firm, size = 100.0 if self.gait.tilt else 10.0, 1.0 if len(self.contacts) == 2 else self._planner.h / SIZE
+        com, firm, posture = self._costs
+        firm, size = 100.0 if self.gait.tilt else firm, 1.0 if len(self.contacts) == 2 else self._planner.h / SIZE
         tasks: list[Task] = [
-            ComTask(self._com, cost=1000.0 / size**2, gain=60.0 / size),
+            ComTask(self._com, cost=com / size**2, gain=60.0 / size),
             MomentumTask(self._momentum, angular_cost=3.0 / size**4, gain=5.0 / math.sqrt(size)),
             FrameTask(self._base, partial(self._turned, R), orientation_cost=firm, gain=80.0 / size),
-            PostureTask(self.state.q, cost=0.5, gain=40.0 / size),
+            PostureTask(self.state.q, cost=posture, gain=40.0 / size),
         ]
         for foot in self.contacts:
             offset = foot.placement.act(foot.corners.mean(axis=0))
