@@ -21,7 +21,7 @@ from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.contact_schedule import ContactSchedule, Interval
 from rbd.control.force_tasks import MomentumTask
 from rbd.control.motion_limits import Limits
-from rbd.control.schedules import check_model
+from rbd.control.schedules import check_model, checked_period
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.tracking import checked_motion, sampled
@@ -253,6 +253,7 @@ def follow(
     checked_motion(motion)
     check_model("follow", robot)
     friction = check_number("friction of follow", friction, 1e-6, 1e3, expected="a coefficient above 0")
+    held = 0.0 if every is None else checked_period("every of follow", every)
     if robot is not None:
         State(motion.robot, motion.q[0]).on(robot)  # which raises if its joints differ
     model, begin, end = robot or motion.robot, float(motion.t[0]), float(motion.t[-1])
@@ -279,7 +280,7 @@ def follow(
             )
     times = bridged(times)
     t, q, v, a = sampled(motion, _EVERY)
-    targets = MotionTargets(model, t, q, v, a, times, every or 0.0)
+    targets = MotionTargets(model, t, q, v, a, times, held)
     tasks: list[Task] = [
         ComTask(targets.com, cost=10000.0, gain=100.0),
         MomentumTask(targets.momentum, angular_cost=30.0, gain=5.0),
