@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, each_times
+from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import speed_limits
 from rbd.motion.frame_terms import numbers_of, placements
 from rbd.motion.self_collision import DEEP_M, BodyPairs
@@ -65,13 +66,17 @@ class Between:
         return self.gaps[0], f"two bodies of the robot may overlap, by {-1e3 * self.gaps[1]:.1f} mm at most"
 
 
+def joint_limits(robot: CheckedModel, keys: Array) -> tuple[Array, Array]:
+    """(least, most) of the coordinates of `numbers_of`, shapes (k,) [m, rad]: limits, or where keyframes (n, nq) have them."""
+    i, _ = numbers_of(robot)
+    of, model = keys[:, i], robot.model
+    return np.minimum(model.lowerPositionLimit[i], of.min(axis=0)), np.maximum(model.upperPositionLimit[i], of.max(axis=0))
+
+
 def between(curve: Curve, keys: Array, bodies: BodyPairs | None) -> Between:
     """That of a curve; joints may be where keyframes (n, nq) have them."""
     robot = curve.robot
-    i, k = numbers_of(robot)
-    model, of = robot.model, keys[:, i]
-    low = np.minimum(model.lowerPositionLimit[i], of.min(axis=0))
-    high = np.maximum(model.upperPositionLimit[i], of.max(axis=0))
+    model, (_, k), (low, high) = robot.model, numbers_of(robot), joint_limits(robot, keys)
     least, most = curve.extremes(0)
     beyond = np.maximum(low - least[:, k], most[:, k] - high)
     slow, fast = curve.extremes(1)

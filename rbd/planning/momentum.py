@@ -286,7 +286,7 @@ class MomentumProof(Displayed):
         ... except rbd.errors.CannotPlan as error:
         ...     proof = error.momentum
         >>> print(sorted({limit.kind for limit in proof.limits}), list(proof.helps), proof.missing > 0.0)
-        ['friction', 'keyframe'] ['time', 'friction', 'distance'] True
+        ['flight', 'friction', 'keyframe'] ['time', 'friction', 'distance'] True
     """
 
     asked: Momentum

@@ -13,7 +13,7 @@ from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
 from rbd.centroid.program import inner_corners
 from rbd.errors import NoSolution
 from rbd.model.sampled_motion import interpolated_q
-from rbd.motion.frame_terms import placements
+from rbd.motion.frame_terms import numbers_of, placements
 from rbd.motion.reference_motion import minimum_jerk
 from rbd.motion.repair.feet import Feet, blend, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
@@ -21,6 +21,7 @@ from rbd.motion.repair.posture import LIMIT_ROOM, Goals, Reference, posed
 from rbd.motion.repair.sweep import Sweep
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.curve import Curve
+from rbd.planning.kept_limits import joint_limits
 from rbd.planning.stays import PlannedContacts, coefficient_of
 
 STIFFNESS, TURNS = (0.3, 0.7, 1.0, 1.0, 1.0, 1.0), (4, 3, 3, 3, 3, 6)
@@ -36,8 +37,8 @@ UNLOADS = 0.15
 SETTLED = 1e-6
 """Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
 NEARER = LIMIT_ROOM - 2e-3
-"""Where keyframes have joints so, they come nearer to their limits than elsewhere, by this at most [rad]: the spline goes a
-little beyond its knots. Keyframes at the ends are met exactly."""
+"""Where keyframes have joints so, they come nearer to their limits than elsewhere, by this at most [rad]: least squares leave a
+little. Keyframes at the ends are met exactly."""
 ENDS = 0.1
 """Within this the first and the last poses come to those of keyframes, which least squares do not meet exactly [s]."""
 NEAR, NEAR_FLIGHTS, KEPT = 200.0, 20.0, 1e6
@@ -137,8 +138,9 @@ class Knots:
         for t, _ in self.supports.keys:
             weight[np.abs(self.t - t) < 0.5 * self.dt] *= NEAR_FLIGHTS if self.supports.flies else NEAR
         weight[[0, 1, 2, -3, -2, -1]] = KEPT * reference.weight
-        k = np.flatnonzero(reference.index >= 0)
-        of_keys = np.array([state.q for _, state in self.supports.keys])[:, reference.index[k]]
+        numbers, k = numbers_of(robot)
+        keys = np.array([state.q for _, state in self.supports.keys])
+        of_keys, allowed = keys[:, numbers], joint_limits(robot, keys)
         low, high = reference.low.copy(), reference.high.copy()
         ends = of_keys[[0, -1]]
         low[k] = np.minimum(np.clip(of_keys.min(axis=0), low[k] - NEARER, low[k]), ends.min(axis=0))
@@ -172,6 +174,7 @@ class Knots:
             goals = Goals(R_at, p_at, free, plan.com, wrenches_on(plan, places, group, p), owed=owed + bent)
             heavy = stiff * np.where(self.on.any(axis=1), 1.0, FLYING)
             q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy)
+            q[:, numbers] = q[:, numbers].clip(*allowed)  # so is the B-spline: it is nowhere beyond its control points
             sweep = Sweep.of(robot, q, self.dt)
             on_curve = _through(sweep)
             bent = _bent(sweep, on_curve, self.t)
@@ -184,8 +187,7 @@ class Knots:
             if stiff == 1.0 and last < SETTLED:
                 break
         assert plan is not None
-        q, numbers = on_curve, reference.index[k]
-        q[:, numbers] = q[:, numbers].clip(low[k], high[k])  # beyond which they are by what the least squares leave
+        q = on_curve
         for end, frames in ((0, range(len(q))), (-1, range(len(q) - 1, -1, -1))):  # the keyframes at the ends are met exactly
             off = pin.difference(robot.model, q[end], self.supports.keys[end][1].q)
             for i, share in zip(frames, 1.0 - blend(np.arange(0.0, ENDS, self.dt) / ENDS), strict=False):

@@ -330,6 +330,8 @@ def test_onto_a_box_with_a_hand_on_a_rail(talos: rbd.Robot, exhaustive: bool):
     stays = {"left_sole": [(0.0, 3.4), (4.4, 5.0)], "right_sole": [(0.0, 1.4), (2.4, 5.0)], hand: [(1.0, 3.2)]}
     plan = rbd.plan(talos, keys, stays, ground=terrain, progress=False)
     assert plan.proved and plan.forces(2.0)["hand"][0, 2] > 50.0
+    assert plan.between.beyond.max() < 1e-9  # a joint of the left arm is at its limit, and not beyond it between two knots
+    assert plan.between.beyond[plan.between.names.index("arm_left_7_joint")] > -2e-3
     if not exhaustive:
         return
     controller = rbd.control.follow(plan)
