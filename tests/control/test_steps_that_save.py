@@ -64,6 +64,9 @@ def check_saved(talos: rbd.Robot, angle: float) -> None:
     balance = Balance(talos, friction=0.7)
     run = pushed(balance, push)
     assert stands(run) and balance.plan.footsteps and balance.plans, angle
+    for foot in balance.contacts:
+        (*_, (X, _, _)) = balance.plan.stays(foot.name)
+        assert np.abs(run.points[foot.name][-1].mean(axis=0) - X.translation)[:2].max() < 3e-3  # the plan knows where it stands
     step = balance.plan.footsteps[0]
     moved = (step.pose.translation - balance.plan.poses[step.foot].translation)[:2]
     assert moved @ [math.cos(math.radians(angle)), math.sin(math.radians(angle))] > 0.2

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
@@ -12,6 +14,7 @@ from matplotlib.patches import Polygon
 
 import rbd
 from rbd.control import Walk
+from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError
 from rbd.visual.marks.regions import planned_footprints
 from rbd.visual.style import contact_colors
@@ -58,6 +61,37 @@ def test_ways_of_feet_and_their_stays(stairs: Walk) -> None:
         edges = np.array([path.vertices[:, 0] for path in bar.get_paths()])
         assert edges.min(axis=1) == pytest.approx([0.0, *(s.landing for s in own)]), foot
         assert edges.max(axis=1) == pytest.approx([*(s.start for s in own), plan.duration])
+
+
+def put_elsewhere(walk: Walk) -> WalkPlan:
+    """The first foot is put 5 cm farther and 2 cm below the ground, halfway through its swing."""
+    foot, plan = walk.plan.footsteps[0].foot, walk.plan
+    first, *later = plan.swings[foot]
+    end = pin.SE3(first.end.rotation, first.end.translation + [0.05, 0.0, -0.02])
+    moved = first.redirected(first.start + 0.5 * first.T, end, first.landing)
+    return replace(plan, swings={**plan.swings, foot: (moved, *later)})
+
+
+def test_a_foot_that_is_put_elsewhere_on_its_way_is_drawn_from_there() -> None:
+    """What it did before is not known to its last way: no picture has it; none goes below the ground."""
+    walk = Walk(rbd.load_robot("solo12"), 2, gait="crawl")
+    plan = put_elsewhere(walk)
+    foot = walk.plan.footsteps[0].foot
+    (moved,) = plan.swings[foot]
+    was = walk.plan.swings[foot][0].at(moved.known)[0].translation
+    assert moved.known == pytest.approx(moved.start + 0.5 * moved.T)
+    way = plan.way(moved, 9)
+    assert way[0] == pytest.approx(was, abs=1e-12) and way[-1] == pytest.approx([*moved.end.translation[:2], 0.0], abs=1e-12)
+    assert way[:, 2].min() == 0.0 and plan.outline(foot, moved.end)[:, 2] == pytest.approx(0.0)
+    color = contact_colors(plan.poses)[foot]
+    (line,) = [line for line in plan.plot()[0].figure.axes[1].lines if line.get_color() == color and line.get_lw() == 1.5]
+    s, z = line.get_data()
+    lifted = plan.poses[foot].translation
+    assert s[0] - s[-1] == pytest.approx(-np.linalg.norm(np.diff(plan.way(moved, 61)[:, :2], axis=0), axis=1).sum())
+    ahead = walk.plan.centroid.com[-1] - walk.plan.centroid.com[0]
+    ahead = ahead[:2] / np.linalg.norm(ahead[:2])
+    middle = np.mean([X.translation[:2] for X in plan.poses.values()], axis=0)
+    assert s[0] == pytest.approx(ahead @ (lifted[:2] - middle) + np.linalg.norm((was - lifted)[:2])) and z.min() >= 0.0
 
 
 def test_point_feet_that_land_together_share_a_number() -> None:

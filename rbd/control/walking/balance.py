@@ -49,6 +49,8 @@ FASTEST = 4.0
 FORWARD, OUTWARD, INWARD = 0.8, 0.75, 0.2
 """Half-axes of the ellipse in which a foot is put down, about where it stands beside the other [h]; and by how much feet come
 nearer to each other at most, as a share of their distance: so legs do not cross."""
+STANDS = 1e-3
+"""A foot that stands elsewhere than planned by more is there in the plan, too [h]."""
 STRETCHED, NEAR = 0.6, 0.4
 """A foot farther from the capture point than this is put down nearer to the other [h], in an ellipse smaller by that factor."""
 STEP, HASTE, TIME, MISS, DEPTH = 1.0, 0.3, 0.5, 100.0, 3
@@ -187,6 +189,7 @@ class Balance(Walk):
             self._decide(t, state.com, x, poses, soles)
         self._wanted = self._followed(t, state.com, v, x, poses, soles)
         self._control.accepted(step)
+        self._stand(poses)
         self._before = t, state, self._control(state, t)
 
     def __str__(self) -> str:
@@ -228,6 +231,16 @@ class Balance(Walk):
             if step.t < s.landing:
                 self._follow(replace(self.plan, swings={**self.plan.swings, flying: (*before, replace(s, T=step.t - s.start))}))
                 self._again = step.t
+
+    def _stand(self, poses: Mapping[str, pin.SE3]) -> None:
+        """In the plan, feet that have landed and are counted on are where they stand."""
+        for foot, own in self.plan.swings.items():
+            if foot in self._control.actuation.contacts and 0 < len(own) <= self._landed[foot]:
+                off = poses[foot].translation - own[-1].end.translation
+                if np.linalg.norm(off[:2]) > STANDS * self._planner.h:
+                    end = pin.SE3(own[-1].end.rotation, own[-1].end.translation + [*off[:2], 0.0])
+                    swings = {**self.plan.swings, foot: (*own[:-1], replace(own[-1], end=end))}
+                    self.plan = replace(self.plan, swings=swings)
 
     @property
     def _flying(self) -> str | None:

@@ -81,11 +81,9 @@ def planned_footprints(plan: WalkPlan) -> list[Footprints]:
     """Of each foot of a plan the footholds after the first stance, and the ways to them."""
     out = []
     for foot, color in contact_colors(plan.poses).items():
-        own, corners = plan.swings[foot], plan.floor.feet[foot].corners
-        outlines = [np.array([s.end.act(corner) for corner in corners]) for s in own]
-        ways = [np.array([s.at(t)[0].translation for t in np.linspace(s.start, s.landing, SAMPLES)]) for s in own]
-        if own:
-            out.append(Footprints(f"{foot}, as planned", color, tuple(outlines), tuple(ways)))
+        if own := plan.swings[foot]:
+            outlines = tuple([plan.outline(foot, s.end) for s in own])
+            out.append(Footprints(f"{foot}, as planned", color, outlines, tuple([plan.way(s, SAMPLES) for s in own])))
     return out
 
 
