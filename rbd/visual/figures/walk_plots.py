@@ -130,9 +130,7 @@ def _prints(plan: WalkPlan) -> list[tuple[str, Array, int]]:
     times = sorted({round(step.end, 6) for step in plan.footsteps})
     number = {t: i + 1 for i, t in enumerate(times)}
     return [
-        (foot, plan.outline(foot, X), number.get(round(lands, 6), 0))
-        for foot in plan.poses
-        for X, lands, _ in plan.stays(foot)
+        (foot, plan.outline(foot, X), number.get(round(lands, 6), 0)) for foot in plan.poses for X, lands, _ in plan.stays(foot)
     ]
 
 
