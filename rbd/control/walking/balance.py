@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -20,7 +21,8 @@ from rbd.control.walking.footsteps import centre_of
 from rbd.control.walking.plan import COARSE, REST, WalkPlan
 from rbd.control.walking.swings import Swing, to_rest
 from rbd.control.walking.walk import Walk
-from rbd.errors import InputError
+from rbd.errors import InaccurateWarning, InputError, NoSolution
+from rbd.errors.warned import stacklevel_of_user
 from rbd.model.external import generalised
 from rbd.model.state import State
 from rbd.records import counted
@@ -109,6 +111,7 @@ class Balance(Walk):
         plan: What it follows now, a `WalkPlan`; its `footsteps` are those that it took or takes. Its centre of mass is that of
             the equations above, with one force, at z.
         plans: (time, plan) of all since the start.
+        unsolved: Times of steps of control for which no torques were found [s]: those of the step before were held.
 
     Raises:
         InputError: a robot that has not two feet; wrong kinds.
@@ -163,6 +166,7 @@ class Balance(Walk):
     def reset(self) -> None:
         """Forget the motion until now."""
         super().reset()
+        self.unsolved = list[float]()
         self._before: tuple[float, State, Array] | None = None
         self._landed = dict.fromkeys(self._other, 0)
         self._tau, self._push = np.zeros(self.robot.nv), np.zeros(6)
@@ -174,7 +178,7 @@ class Balance(Walk):
 
         Raises:
             InputError: a state of another robot than before.
-            NoSolution: no torques were found.
+            NoSolution: no torques were found for the first step; later those of the step before are held, with a warning.
         """
         t, state = step.t, step.state
         A_g, _, mass = state.centroidal()
@@ -188,14 +192,23 @@ class Balance(Walk):
         if self.steps and t >= self._again:
             self._decide(t, state.com, x, poses, soles)
         self._wanted = self._followed(t, state.com, v, x, poses, soles)
-        self._control.accepted(step)
+        try:
+            self._control.accepted(step)
+        except NoSolution as error:
+            if self._before is None:
+                raise
+            if not self.unsolved:
+                text = f"at t = {t:.6g} s {self.robot.name} holds the torques of the step before: {error} Said once a motion: "
+                warnings.warn(f"{text}`unsolved` of Balance has all times.", InaccurateWarning, stacklevel=stacklevel_of_user())
+            self.unsolved.append(t)
         self._stand(poses)
         self._before = t, state, self._control(state, t)
 
     def __str__(self) -> str:
         n = len(self.plan.footsteps)
         taken = "has taken no steps" if not n else f"has taken, or takes, {counted(n, 'step')}"
-        return f"{self.robot.name} stands, and {taken}"
+        held = f"; no torques were found for {counted(len(self.unsolved), 'step')} of control" if self.unsolved else ""
+        return f"{self.robot.name} stands, and {taken}{held}"
 
     def _known(self, state: State, t: float) -> Array:
         return self._tau
