@@ -108,6 +108,7 @@ def walk(
                     external=external,
                 )
             )  # fmt: skip
+        plans = [(0.0, first), *controller.plans]
         print_report(console, WalkReport(trajectory, controller, first, pushed, seconds), json_, verbose)
         plays = len(trajectory) > 1
         write_outputs(
@@ -116,7 +117,7 @@ def walk(
             ("log", log, controller.log.save),
             ("plan", plot, partial(save_drawn, first.plot)),
             ("torques", torques, partial(save_drawn, controller.log.plot)),
-            ("picture", html if plays else None, partial(trajectory.export, external=external, plan=first)),
+            ("picture", html if plays else None, partial(trajectory.export, external=external, plan=plans)),
             ("video", video if plays else None, partial(trajectory.video, external=external)),
         )
         end(console, trajectory, stopped, external, show=show and plays)

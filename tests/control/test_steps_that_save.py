@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.control import Balance, Push
+from rbd.control import AcceptedStep, Balance, Push, TaskActuation, WholeBodyController
+from rbd.control.contact_schedule import SeenContacts
 from rbd.errors import InputError
 
 STEP = 2e-3
@@ -64,6 +65,9 @@ def check_saved(talos: rbd.Robot, angle: float) -> None:
     balance = Balance(talos, friction=0.7)
     run = pushed(balance, push)
     assert stands(run) and balance.plan.footsteps and balance.plans, angle
+    for foot in balance.contacts:
+        (*_, (X, _, _)) = balance.plan.stays(foot.name)
+        assert np.abs(run.points[foot.name][-1].mean(axis=0) - X.translation)[:2].max() < 3e-3  # the plan knows where it stands
     step = balance.plan.footsteps[0]
     moved = (step.pose.translation - balance.plan.poses[step.foot].translation)[:2]
     assert moved @ [math.cos(math.radians(angle)), math.sin(math.radians(angle))] > 0.2
@@ -116,6 +120,29 @@ def test_used_again_it_gives_the_same_bits(talos: rbd.Robot) -> None:
     runs = [pushed(balance, push_of("torso_2_link", 60.0, 0.0), 0.15) for _ in range(2)]
     assert balance.plan.footsteps and runs[0] is not None and runs[1] is not None
     assert np.array_equal(runs[0].q, runs[1].q)
+
+
+def test_a_step_without_torques_holds_those_before(talos: rbd.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fall is simulated to its end; it is said once and counted. There is nothing to hold at the first step."""
+    solved, missing = WholeBodyController._step, [5, 6]
+
+    def broken(self: WholeBodyController, told: AcceptedStep, seen: SeenContacts) -> TaskActuation:
+        if round(told.t / STEP) in missing:
+            raise rbd.NoSolution("no torques.")
+        return solved(self, told, seen)
+
+    monkeypatch.setattr(WholeBodyController, "_step", broken)
+    balance = Balance(talos, friction=0.7)
+    given = {"duration": 0.02, "step": STEP, "controller": balance, "external": push_of("torso_2_link", 15.0, 90.0)}
+    with pytest.warns(rbd.errors.InaccurateWarning, match=r"at t = 0.01 s talos holds the torques .* no torques") as said:
+        run = rbd.simulate(balance.state, balance.contacts, progress=False, **given)
+    assert len(said) == 1 and balance.unsolved == pytest.approx([0.01, 0.012]) and len(run) == 11
+    assert np.array_equal(run.tau[5], run.tau[4]) and np.array_equal(run.tau[6], run.tau[4])
+    assert np.abs(run.tau[7] - run.tau[6]).max() > 1e-3 and "no torques were found for 2 steps of control" in str(balance)
+    missing[:] = [0]
+    with pytest.raises(rbd.errors.SimulationStopped, match="no torques"):
+        rbd.simulate(balance.state, balance.contacts, progress=False, **given)
+    assert not balance.unsolved
 
 
 def test_what_is_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -20,7 +21,8 @@ from rbd.control.walking.footsteps import centre_of
 from rbd.control.walking.plan import COARSE, REST, WalkPlan
 from rbd.control.walking.swings import Swing, to_rest
 from rbd.control.walking.walk import Walk
-from rbd.errors import InputError
+from rbd.errors import InaccurateWarning, InputError, NoSolution
+from rbd.errors.warned import stacklevel_of_user
 from rbd.model.external import generalised
 from rbd.model.state import State
 from rbd.records import counted
@@ -49,6 +51,8 @@ FASTEST = 4.0
 FORWARD, OUTWARD, INWARD = 0.8, 0.75, 0.2
 """Half-axes of the ellipse in which a foot is put down, about where it stands beside the other [h]; and by how much feet come
 nearer to each other at most, as a share of their distance: so legs do not cross."""
+STANDS = 1e-3
+"""A foot that stands elsewhere than planned by more is there in the plan, too [h]."""
 STRETCHED, NEAR = 0.6, 0.4
 """A foot farther from the capture point than this is put down nearer to the other [h], in an ellipse smaller by that factor."""
 STEP, HASTE, TIME, MISS, DEPTH = 1.0, 0.3, 0.5, 100.0, 3
@@ -107,6 +111,7 @@ class Balance(Walk):
         plan: What it follows now, a `WalkPlan`; its `footsteps` are those that it took or takes. Its centre of mass is that of
             the equations above, with one force, at z.
         plans: (time, plan) of all since the start.
+        unsolved: Times of steps of control for which no torques were found [s]: those of the step before were held.
 
     Raises:
         InputError: a robot that has not two feet; wrong kinds.
@@ -161,6 +166,7 @@ class Balance(Walk):
     def reset(self) -> None:
         """Forget the motion until now."""
         super().reset()
+        self.unsolved = list[float]()
         self._before: tuple[float, State, Array] | None = None
         self._landed = dict.fromkeys(self._other, 0)
         self._tau, self._push = np.zeros(self.robot.nv), np.zeros(6)
@@ -172,7 +178,7 @@ class Balance(Walk):
 
         Raises:
             InputError: a state of another robot than before.
-            NoSolution: no torques were found.
+            NoSolution: no torques were found for the first step; later those of the step before are held, with a warning.
         """
         t, state = step.t, step.state
         A_g, _, mass = state.centroidal()
@@ -186,13 +192,23 @@ class Balance(Walk):
         if self.steps and t >= self._again:
             self._decide(t, state.com, x, poses, soles)
         self._wanted = self._followed(t, state.com, v, x, poses, soles)
-        self._control.accepted(step)
+        try:
+            self._control.accepted(step)
+        except NoSolution as error:
+            if self._before is None:
+                raise
+            if not self.unsolved:
+                text = f"at t = {t:.6g} s {self.robot.name} holds the torques of the step before: {error} Said once a motion: "
+                warnings.warn(f"{text}`unsolved` of Balance has all times.", InaccurateWarning, stacklevel=stacklevel_of_user())
+            self.unsolved.append(t)
+        self._stand(poses)
         self._before = t, state, self._control(state, t)
 
     def __str__(self) -> str:
         n = len(self.plan.footsteps)
         taken = "has taken no steps" if not n else f"has taken, or takes, {counted(n, 'step')}"
-        return f"{self.robot.name} stands, and {taken}"
+        held = f"; no torques were found for {counted(len(self.unsolved), 'step')} of control" if self.unsolved else ""
+        return f"{self.robot.name} stands, and {taken}{held}"
 
     def _known(self, state: State, t: float) -> Array:
         return self._tau
@@ -228,6 +244,16 @@ class Balance(Walk):
             if step.t < s.landing:
                 self._follow(replace(self.plan, swings={**self.plan.swings, flying: (*before, replace(s, T=step.t - s.start))}))
                 self._again = step.t
+
+    def _stand(self, poses: Mapping[str, pin.SE3]) -> None:
+        """In the plan, feet that have landed and are counted on are where they stand."""
+        for foot, own in self.plan.swings.items():
+            if foot in self._control.actuation.contacts and 0 < len(own) <= self._landed[foot]:
+                off = poses[foot].translation - own[-1].end.translation
+                if np.linalg.norm(off[:2]) > STANDS * self._planner.h:
+                    end = pin.SE3(own[-1].end.rotation, own[-1].end.translation + [*off[:2], 0.0])
+                    swings = {**self.plan.swings, foot: (*own[:-1], replace(own[-1], end=end))}
+                    self.plan = replace(self.plan, swings=swings)
 
     @property
     def _flying(self) -> str | None:

@@ -187,6 +187,18 @@ class WalkPlan(Displayed):
         s = self.swing(foot, t)
         return self.poses[foot] if s is None else s.at(min(max(t, s.start), s.landing))[0]
 
+    def outline(self, foot: str, X: pin.SE3) -> Array:
+        """Corners of a foot that is at a pose, in W, shape (k, 3) [m]; on the ground where that pose is below it."""
+        return self._above(np.array([X.act(corner) for corner in self.floor.feet[foot].corners]))
+
+    def way(self, swing: Swing, n: int) -> Array:
+        """Points of a foot's way through the air, from when it is known, shape (n, 3) [m]; none below the ground."""
+        return self._above(np.array([swing.at(t)[0].translation for t in np.linspace(swing.known, swing.landing, n)]))
+
+    def _above(self, points: Array) -> Array:
+        points[:, 2] = np.maximum(points[:, 2], [self.floor.top(x, y) for x, y, _ in points])
+        return points
+
     def turn(self, t: float) -> float:
         """By how much the soles have turned since the start, in the mean [rad]; of points, from their places."""
         soles = [f for f, contact in self.floor.feet.items() if len(contact.corners) > 1]

@@ -78,6 +78,11 @@ class Swing:
         """When it is put down [s]."""
         return self.start + self.T
 
+    @property
+    def known(self) -> float:
+        """From when on `at` tells where it is: before its end was changed last, it was on another way [s]."""
+        return self.start if self.since is None else self.since
+
     def at(self, t: float) -> tuple[pin.SE3, Array, Array]:
         """(pose, velocity, acceleration) of the contact's centre, rates in world axes, shapes (6,)."""
         a, b, u = self.begin.translation, self.end.translation, t - self.start

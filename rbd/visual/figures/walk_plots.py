@@ -41,7 +41,8 @@ def plot_walk(axes: Axes | Sequence[Axes] | None, plan: WalkPlan) -> list[Artist
 
     From above: footprints, numbered in the order of their landing (those of one time share a number), the first stance without
     number, over treads of the terrain with their heights, and the path of the centre of mass. From the side: height of the feet
-    in the air over how far they have come, and below it what is under them. Over time: a bar while a foot stands.
+    in the air over how far they have come, and below it what is under them; of a foot that was put elsewhere on its way, from
+    then on. Over time: a bar while a foot stands.
 
     Args:
         axes: Three Matplotlib axes, or the first, or the first two; None: three on a new figure, that of `artists[0].figure`.
@@ -129,9 +130,7 @@ def _prints(plan: WalkPlan) -> list[tuple[str, Array, int]]:
     times = sorted({round(step.end, 6) for step in plan.footsteps})
     number = {t: i + 1 for i, t in enumerate(times)}
     return [
-        (foot, np.array([X.act(corner) for corner in plan.floor.feet[foot].corners]), number.get(round(lands, 6), 0))
-        for foot in plan.poses
-        for X, lands, _ in plan.stays(foot)
+        (foot, plan.outline(foot, X), number.get(round(lands, 6), 0)) for foot in plan.poses for X, lands, _ in plan.stays(foot)
     ]
 
 
@@ -207,18 +206,19 @@ def _from_the_side(ax: Axes, plan: WalkPlan) -> list[Artist]:
     ahead = way / np.linalg.norm(way) if np.linalg.norm(way) > 1e-3 else np.zeros(2)
     start = np.mean([X.translation[:2] for X in plan.poses.values()], axis=0)
     for foot, own in plan.swings.items():
-        come = float(ahead @ (plan.poses[foot].translation[:2] - start))
+        before = plan.poses[foot].translation[:2]
+        come = float(ahead @ (before - start))
         half = 0.5 * float(np.ptp(np.asarray(plan.floor.feet[foot].corners)[:, 0]))
         for swing in own:
-            P = np.array([swing.at(t)[0].translation for t in np.linspace(swing.start, swing.landing, SAMPLES)])
-            s = come + np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P[:, :2], axis=0), axis=1))])
+            P = plan.way(swing, SAMPLES)
+            s = come + np.cumsum(np.linalg.norm(np.diff([before, *P[:, :2]], axis=0), axis=1))
             below = np.array([plan.floor.top(x, y) for x, y, _ in P])
             floor = np.where(np.isfinite(below), below, np.nan)
             ax.plot(s, floor, color=EDGE_COLOR, lw=0.9, zorder=2)
             drawn += ax.plot(s, P[:, 2], color=colors[foot], lw=1.5, zorder=4)
-            for at, z in ((s[0], P[0, 2]), (s[-1], P[-1, 2])):
+            for at, z in ((s[0], P[0, 2]), (s[-1], P[-1, 2]))[swing.since is not None :]:
                 ax.plot([at - half, at + half], [z, z], color=colors[foot], lw=2.5, alpha=0.5, zorder=3, solid_capstyle="butt")
-            come = float(s[-1])
+            come, before = float(s[-1]), P[-1, :2]
     ax.set(xlabel="distance along its way [m]", ylabel="feet, z [m]")
     ax.margins(y=0.12)
     frame(ax, "y")

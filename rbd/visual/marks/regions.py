@@ -1,4 +1,4 @@
-"""Regions, largest pushes, wrench cones and footprints among the marks around a robot."""
+"""Regions, largest pushes, wrench cones, footprints and capture points among the marks around a robot."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, rank_of
 from rbd.constraints.convex.polygons import outline
+from rbd.control.capture import CaptureRegion
 from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError
 from rbd.statics.pushes import PushLimits
@@ -18,7 +19,7 @@ from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual.marks import primitives
 from rbd.visual.marks.mark import Label, Mark, Sizes, number
-from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
+from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, PUSH_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
 
 APART = 0.1
 """Footprints nearer to the one before than this share of their size are the same: a foot that was lifted for an instant."""
@@ -77,15 +78,24 @@ def footprints_of(trajectory: Any) -> list[Footprints]:
     return found
 
 
-def planned_footprints(plan: WalkPlan) -> list[Footprints]:
-    """Of each foot of a plan the footholds after the first stance, and the ways to them."""
+@dataclass(frozen=True, eq=False)
+class CapturePoint:
+    """Where the centre of mass would come to rest over, if the ground pushed from there.
+
+    Attributes:
+        place: On the ground, in W, shape (3,) [m].
+    """
+
+    place: Array
+
+
+def planned_footprints(plan: WalkPlan, after: float = -np.inf) -> list[Footprints]:
+    """Of each foot of a plan the footholds after the first stance at which it lands after a time [s], and the ways to them."""
     out = []
     for foot, color in contact_colors(plan.poses).items():
-        own, corners = plan.swings[foot], plan.floor.feet[foot].corners
-        outlines = [np.array([s.end.act(corner) for corner in corners]) for s in own]
-        ways = [np.array([s.at(t)[0].translation for t in np.linspace(s.start, s.landing, SAMPLES)]) for s in own]
-        if own:
-            out.append(Footprints(f"{foot}, as planned", color, tuple(outlines), tuple(ways)))
+        if own := [s for s in plan.swings[foot] if s.landing > after]:
+            outlines = tuple([plan.outline(foot, s.end) for s in own])
+            out.append(Footprints(f"{foot}, as planned", color, outlines, tuple([plan.way(s, SAMPLES) for s in own])))
     return out
 
 
@@ -100,7 +110,7 @@ def _around(points: Array) -> Array:
     return points[outline(points[:, :2].tolist())]
 
 
-Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone | Footprints
+Drawn: TypeAlias = SupportRegion | ZmpRegion | CaptureRegion | PushLimits | ContactWrenchCone | Footprints | CapturePoint
 _FARTHEST = 2.0
 """Regions are cut so far from the centre of mass, in sizes of the robot."""
 
@@ -108,9 +118,10 @@ _FARTHEST = 2.0
 def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
     """What is drawn for regions, pushes, cones and footprints.
 
-    A support region lies at the height of the lowest contact, a region of zero-moment points on its plane; each push is an
-    arrow from where it acts, in the colour of what gives way, at the scale of the forces; of a wrench cone it is the forces
-    through its point without a moment.
+    A support region lies at the height of the lowest contact, a region of zero-moment points on its plane, a capture region on
+    that of its contacts, the inner polygon as an area, the outer one as a line; each push is an arrow from where it acts, in
+    the colour of what gives way, at the scale of the forces; of a wrench cone it is the forces through its point without a
+    moment.
 
     Raises:
         InputError: of something else.
@@ -124,6 +135,13 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
             out += _area(at, corners, name_and_color(one)[1], i, sizes, one.state.com)
         elif isinstance(one, ZmpRegion):
             out += _area(at, one.vertices, name_and_color(one)[1], i, sizes, one.state.com)
+        elif isinstance(one, CaptureRegion):
+            inner, outer = (np.insert(p, 2, one.state.com[2] - one.height, axis=1) for p in (one.inner, one.outer))
+            out += _area(at, inner, name_and_color(one)[1], i, sizes, one.state.com)
+            edge = primitives.line(outer + [0.0, 0.0, sizes.lift], radius=0.7 * sizes.line, closed=True)
+            out.append(Mark(f"{at}/outer", (edge,), name_and_color(one)[1], 0.6))
+        elif isinstance(one, CapturePoint):
+            out.append(_capture_point(at, one, sizes))
         elif isinstance(one, PushLimits):
             out += _pushes(at, one, sizes)
         elif isinstance(one, ContactWrenchCone):
@@ -131,7 +149,7 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
         elif isinstance(one, Footprints):
             out += _footprints(at, one, sizes)
         else:
-            raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone of rbd.statics.")
+            raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone.")
     titles = [name for name, _ in legend_of(drawn)]
     return [_labelled(mark, titles[int(mark.path.split("/")[1])]) for mark in out]
 
@@ -167,6 +185,10 @@ def name_and_color(one: Drawn) -> tuple[str, str]:
     """What it is called, and the colour that it has in scenes and in figures."""
     if isinstance(one, Footprints):
         return f"footprints of {one.name}", one.color
+    if isinstance(one, CapturePoint):
+        return "capture point", PUSH_COLOR
+    if isinstance(one, CaptureRegion):
+        return "capture region" + ("" if one.area else ", empty"), SUPPORT_COLOR
     if isinstance(one, PushLimits):
         return "largest pushes", LIMIT_COLORS["edge"][0]
     if isinstance(one, ContactWrenchCone):
@@ -200,6 +222,14 @@ def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
     edges = [primitives.line(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
     areas = [primitives.polygon(outline) for outline in flat]
     return [Mark(f"{at}/edges", edges, stood.color, 0.6), Mark(f"{at}/areas", areas, stood.color, 0.18)]
+
+
+def _capture_point(at: str, point: CapturePoint, sizes: Sizes) -> Mark:
+    """A ring with a cross in it, on the ground."""
+    centre, r = point.place + [0.0, 0.0, 2.0 * sizes.lift], 0.02 * sizes.body
+    ring = primitives.line(centre + r * RING, radius=sizes.line, closed=True)
+    cross = [primitives.line(centre + r * RING[[i, i + 6]], radius=sizes.line) for i in (1, 4)]
+    return Mark(f"{at}/edges", (ring, *cross), PUSH_COLOR, seen_through=True)
 
 
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:

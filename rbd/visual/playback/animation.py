@@ -16,16 +16,17 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_positive, check_whole
 from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError, PictureError
-from rbd.errors.inputs import check_kind, check_known
+from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.motion.report import MotionReport
 from rbd.planning import Plan
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.marks.regions import footprints_of, planned_footprints
+from rbd.visual.marks.regions import Drawn, footprints_of, legend_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.curves import Choice, described, together
+from rbd.visual.playback.followed_plans import drawn_plans
 from rbd.visual.playback.motion_frames import PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.plan_motion import shown_plan
@@ -75,7 +76,8 @@ class Playback:
         follow: Whether the camera follows the robot.
         trace: Whether to draw the path of the centre of mass; by default of all but reports.
         footprints: Whether to draw footprints.
-        plan: A plan of a walk, whose footprints are drawn.
+        plan: A plan of a walk, or plans with their times, whose footprints are drawn.
+        regions: Regions and pushes that are drawn throughout.
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
@@ -96,7 +98,8 @@ class Playback:
     follow: bool | None = None
     trace: bool | None = None
     footprints: bool = True
-    plan: WalkPlan | None = None
+    plan: WalkPlan | Sequence[tuple[float, WalkPlan]] | None = None
+    regions: Sequence[Drawn] = ()
     ground: bool | None = None
     seen_from: Sequence[float] | Array | None = None
     arrow_per_weight: float | None = None
@@ -128,7 +131,6 @@ class Playback:
         usual = {**USUAL, "title": shown.title, **shown.defaults}
         given: Any = replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
         check_kind("title", given.title, str, "text")
-        check_kind("plan", given.plan, WalkPlan | None, "walk.plan of a rbd.control.Walk, or None")
         speed = check_positive("speed", given.speed, MOST_SPEED)
         if speed < LEAST_SPEED:
             raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
@@ -165,7 +167,8 @@ def export_motion(
     follow: bool | None = None,
     trace: bool | None = None,
     footprints: bool = True,
-    plan: WalkPlan | None = None,
+    plan: WalkPlan | Sequence[tuple[float, WalkPlan]] | None = None,
+    regions: Sequence[Drawn] = (),
     ground: bool | None = None,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
@@ -208,7 +211,9 @@ def export_motion(
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass; by default of all but reports.
         footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
-        plan: A plan of a walk, as `walk.plan`: its footprints and ways of feet are drawn as lines.
+        plan: A plan of a walk, as `walk.plan`: its footprints and ways of feet are drawn as lines, and the capture point, which
+            moves. Of several with their times, as `balance.plans`, each is drawn until the next: so one sees footholds change.
+        regions: What `Scene.draw` takes, drawn throughout: `rbd.control.capture_region(...)`, for example.
         ground: Whether to draw the ground z = 0 as a grid; by default of all but planar chains.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
@@ -263,6 +268,12 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         moved = [tuple([corners + shift for corners in stood.outlines]) for stood in prints]
         outlines += [replace(p, name=f"{p.name}, 2", outlines=o) for p, o in zip(prints, moved, strict=True)]
     first, last = float(page.frames.times[0]), float(page.frames.times[-1])
+    given_regions = listed_items("regions", given.regions, "a list of what Scene.draw takes")
+    drawn: list[Drawn] = [*(outlines if given.footprints else ()), *given_regions]
+    planned, spans, way = drawn_plans(given.plan, shown, page.frames.times)
+    paths = [f"marks/statics/{len(drawn) + i}" for i in range(len(planned))]
+    if planned:
+        page = page.with_moving(paths[-1], way)
     follows = page.goes_far(FAR) if given.follow is None else bool(given.follow)
     settings: dict[str, object] = {
         "title": given.title,
@@ -271,14 +282,15 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         "trace": bool(given.trace),
         "playing": bool(given.playing),
         "charts": described(times, charts) if charts else None,
+        "named": legend_of([*given_regions, *planned[-1:]]),
+        "spans": [{"path": path, "from": a, "to": b} for path, (a, b) in zip(paths, spans, strict=True)],
     }
     if sheet is not None:
         settings["sheet"] = sheet
     scene.stand_on(*page.terrains)
     scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
-    planned = [] if given.plan is None else planned_footprints(given.plan)
-    if drawn := [*(outlines if given.footprints else ()), *planned]:
-        scene.draw(*drawn)
+    if drawn or planned:
+        scene.draw(*drawn, *planned)
     return scene
 
 

@@ -63,7 +63,7 @@ class PageFrames:
         modes: {constraint: its mode at each frame}, contacts first.
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
         left_out: What of the forces has no picture, in words.
-        lifts: Pose of each piece of terrain that has a motion, shape (n, pieces, 7).
+        lifts: Pose of each piece of terrain that has a motion, and of other marks that move, shape (n, pieces, 7).
         ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
     """
 

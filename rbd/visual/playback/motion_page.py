@@ -71,6 +71,7 @@ class MotionPage:
         second: A second motion in the same page, of this robot or another.
         shift: By how much it is drawn beside where it is, in W, shape (3,) [m]: numbers on the page are those of where it is.
         name: What it is called beside another one.
+        carried: Paths of marks that move, by the last of the poses in `frames.lifts`.
     """
 
     shown: ShownMotion
@@ -81,6 +82,7 @@ class MotionPage:
     second: MotionPage | None = None
     shift: tuple[float, ...] = (0.0, 0.0, 0.0)
     name: str = ""
+    carried: tuple[str, ...] = ()
 
     @lazy
     def words(self) -> list[str]:
@@ -117,6 +119,17 @@ class MotionPage:
         poses = np.concatenate([f.poses, ghost_poses(second, f.times, f.joints, self.shown.down)], axis=1)
         name = f"{getattr(ghost, 'source', '') or 'other motion'} (translucent)"
         return replace(self, frames=replace(f, joints=f.joints * 2, poses=poses, ghost=name))
+
+    def with_moving(self, path: str, moved: Array) -> MotionPage:
+        """With a mark that moves.
+
+        Args:
+            path: Of the mark in the viewer.
+            moved: By how much from where it is drawn, at each frame, shape (n, 3) [m].
+        """
+        poses = np.column_stack([moved, np.tile([0.0, 0.0, 0.0, 1.0], (len(moved), 1))])[:, None]
+        frames = replace(self.frames, lifts=np.concatenate([self.frames.lifts, poses], axis=1))
+        return replace(self, frames=frames, carried=(*self.carried, path))
 
     def with_second(self, second: MotionPage, seen_from: Sequence[float] | Array) -> MotionPage:
         """With a second motion beside it: displaced along x or y of W, to the right of the first on the page, clear of it.
@@ -274,10 +287,11 @@ class MotionPage:
         }
 
     def _lifts(self) -> list[dict[str, object]]:
-        """Of each piece of terrain that has a motion the path of its marks, and the number of its pose."""
+        """Of each piece of terrain that has a motion, and of marks that move, the path, and the number of the pose."""
         places = [place for place, shown in enumerate(self.terrains) if shown.terrain.jump is not None]
-        first, known = len(self.frames.joints), self.frames.lifts.shape[1]
-        return [{"path": f"marks/terrain/{place}", "body": first + i} for i, place in enumerate(places[:known])]
+        known = self.frames.lifts.shape[1] - len(self.carried)
+        paths = [f"marks/terrain/{place}" for place in places[:known]] + list(self.carried)
+        return [{"path": path, "body": len(self.frames.joints) + i} for i, path in enumerate(paths)]
 
     def _played(self) -> dict[str, object]:
         """Bodies, contacts, sizes, frames and events."""

@@ -221,11 +221,10 @@ class Cast {
       part.object.position.copy(part.position).applyQuaternion(turn).add(at);
       part.object.quaternion.multiplyQuaternions(turn, part.turn);
     }
-    for (const { path, body } of this.motion.shift ? [] : this.motion.lifts || [])
-      for (const mark of ["solid", "grid", "edges"]) {
-        const object = this.stage.layers.object(`${path}/${mark}`);
-        if (object) object.position.set(row[7 * body], row[7 * body + 1], row[7 * body + 2]);
-      }
+    for (const { path, body } of this.motion.shift ? [] : this.motion.lifts || []) {
+      const object = this.stage.layers.object(path);
+      if (object) object.position.set(row[7 * body], row[7 * body + 1], row[7 * body + 2]);
+    }
     let k = 7 * bodies;
     const com = [row[k], row[k + 1], row[k + 2]];
     if (this.ball) this.showCom(com, sizes, this.floors.length ? this.floors[frame] : 0);
@@ -342,6 +341,7 @@ class Cues {
     });
     if (motion.com) row("centre of mass", motion.com);
     for (const name of motion.terrains || []) row(name, motion.terrainColor);
+    for (const [name, color] of motion.named || []) row(name, color);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
       if (note) make("p", "", legend, note);

@@ -49,6 +49,10 @@ class Reel {
     const position = this.position(t), nearest = Math.round(position);
     this.cast.set(this.between(position), nearest);
     if (this.cast.been) this.cast.been(position);
+    for (const { path, from, to } of this.motion.spans || []) {
+      const object = this.cast.stage.layers.object(path);
+      if (object) object.visible = t > from - 1e-9 && t < to - 1e-9;
+    }
     this.glow(t, window);
     const codes = this.codes.subarray(nearest * this.names, (nearest + 1) * this.names);
     this.cues.set(codes, this.cast.tracks);

@@ -111,7 +111,10 @@ class Stage {
     if (message.legend) writeLegend(this, message.legend);
     if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
-    if (message.marks) this.layers.set(message.marks);
+    if (message.marks) {
+      this.layers.set(message.marks);
+      if (this.player) this.player.seek(this.player.t);  // some of them move, or are shown at times
+    }
     if ("motion" in message) this.move(message.motion);
     if (message.paused && this.player) this.player.play(false);
     if (message.controls) this.controls.build(message.controls);
