@@ -44,8 +44,8 @@ AGAIN = 0.25
 SIZE = 0.877
 """Costs and gains of tasks are those of a robot of this h [m]; on four feet they grow with smaller h, as lengths and times do.
 On two they do not: with larger ones G1 (h = 0.67 m) fell after pushes that it takes up with these."""
-LIFTS = 20.0
-"""Acceleration by which the centre of mass is lifted in sqrt(h / g) for each metre that it is too low [1/s2]."""
+WEIGHED = 1.0
+"""Time in which what the model weighs too much or too little is taken up [sqrt(h / g)]."""
 STARTS = 3.0
 """When the first foot is lifted [sqrt(h / g)]."""
 WEAK = 1.15
@@ -174,7 +174,8 @@ class Walk(Displayed):
         self._check_roll()
         self._check_reach()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
-        self._again, self._seen, self._lift = -math.inf, math.inf, np.zeros(3)
+        self._again, self._lift = -math.inf, np.zeros(3)
+        self._seen: tuple[float, float, float] | None = None
         self._control = WholeBodyController(
             self._tasks(R), self.contacts, schedule=self.plan.schedule, robot=model, limits=Limits(margin=MARGIN)
         )
@@ -197,7 +198,7 @@ class Walk(Displayed):
     def reset(self) -> None:
         """Forget the motion until now."""
         self.plan, self._again, self.plans = self._first, -math.inf, []
-        self._seen, self._lift = math.inf, np.zeros(3)
+        self._seen, self._lift = None, np.zeros(3)
         self._control.reset()
 
     def accepted(self, step: AcceptedStep) -> None:
@@ -211,6 +212,8 @@ class Walk(Displayed):
             self._weigh(step.state, step.t)
             self._adapt(step.state, step.t)
         self._control.accepted(step)
+        A_g, rate, _ = step.state.centroidal()
+        self._seen = step.t, float(A_g[2] @ step.state.v), float(A_g[2] @ self._control.actuation.a + rate[2])
 
     def __call__(self, state: State, t: float) -> Array:
         """The torques that are held, shape (nu,) [N, N m].
@@ -352,10 +355,12 @@ class Walk(Displayed):
         return float(np.linalg.norm(off[:2])) / self._planner.h
 
     def _weigh(self, state: State, t: float) -> None:
-        """Take up what a model weighs too much or too little: the integral of how far c is too low, as an acceleration."""
-        low = float(self.plan.com(t).value[2] - state.com[2])
-        self._lift[2] += LIFTS * low * max(t - self._seen, 0.0) / self._planner.unit
-        self._seen = t
+        """Take up what a model weighs too much or too little: how much less c was accelerated than the step before expected."""
+        if self._seen is None:
+            return
+        (before, momentum, expected), (A_g, _, mass) = self._seen, state.centroidal()
+        off = (float(A_g[2] @ state.v - momentum) / (t - before) - expected) / mass
+        self._lift[2] -= min((t - before) / (WEIGHED * self._planner.unit), 1.0) * (off + self._lift[2])
 
     def _com(self, t: float) -> Reference:
         known = self.plan.com(t)
