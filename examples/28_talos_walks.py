@@ -40,7 +40,7 @@ def main(show: bool = True, name: str = "talos") -> Result:
     print(f"{controller}; when each foot lands, how far it has come, how fast it touches")
     for step in controller.plan.footsteps:
         t, x, speed = landing(result, step)
-        print(f"  {step.foot:<12} {t:4.1f} s {x:8.3f} m {speed:8.2f} m/s")
+        print(f"  {step.foot:<12} {t:4.1f} s {x:8.3f} m {speed:8.1f} m/s")
     share = log.torque_use.max(axis=0)
     print(f"The largest torque is {100.0 * share.max():.0f} % of its limit, at {robot.actuated_names[share.argmax()]}.")
     print(f"In {log.violations} of {len(log)} steps of control a contact or a joint limit could not be kept;")
