@@ -108,6 +108,11 @@ class Intervals:
         between = (self.correction <= self.room.min(axis=0)).all(axis=1) & (self.bend <= 0.0)
         return np.asarray(self.holds & between & (self.missing.max(axis=0) + self.lost < FALLS))
 
+    def at(self, t: Array | float) -> tuple[Array, Array]:
+        """(interval in which each time is [s], the later of two; share of it)."""
+        i = np.asarray(np.searchsorted(self.start, t, side="right") - 1).clip(0)
+        return i, (t - self.start[i]) / (self.end[i] - self.start[i])
+
     def some(self, which: Array) -> Intervals:
         """Some of them."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -19,14 +19,15 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
-from rbd.constraints.surface import On
+from rbd.constraints.surface import On, plane_of
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.walking.footsteps import Floor
+from rbd.control.walking.walk import places_of
 from rbd.errors import CannotMove, CannotPlan, CannotReach, InputError
 from rbd.mechanism.pose_search import find_pose
 from rbd.model.state import State
 from rbd.motion.frame_terms import placements
-from rbd.motion.self_collision import BodyPairs
+from rbd.motion.self_collision import DEEP_M, BodyPairs
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.problem.ground import Ground
 from rbd.robots.robot import Robot
@@ -38,8 +39,6 @@ BUDGET, PLANNED = 60, 3
 """Steps that are tested, and sequences that are planned, at most."""
 DEPTH = 0.5
 """The centre of mass stays near, but as far from the edges of what stands as this share of their distance from its middle."""
-OVERLAP = -2e-3
-"""Bodies overlap where their distance is less [m]."""
 SAME = 1e-3
 """A foot whose places are nearer to each other does not step [m]."""
 
@@ -98,7 +97,7 @@ class ContactSearch:
         stays = [(first, 0.75 * first + 0.25 * last), (0.25 * first + 0.75 * last, last)]
         feet = {foot.name: stays for foot in robot.feet(friction=friction, on=ground)}
         ends = planned_contacts(robot, keyframes, feet, friction=friction, ground=ground)
-        on = Ground(point=(0.0, 0.0, float(ground))) if isinstance(ground, float | int) else ground
+        on = ground if isinstance(ground, Terrain) else plane_of("plan", ground)
         floor = Floor(on, {foot.name: foot for foot in ends.contacts}, math.inf)
         return cls(ends, limited, ground, floor, friction, BodyPairs.of(robot) if self_collision else None)
 
@@ -212,16 +211,15 @@ class ContactSearch:
         return [(X, np.asarray(c.corners)) for i, (X, c) in enumerate(zip(at, self.feet, strict=True)) if i != f]
 
     def _pose(self, at: list[pin.SE3], com: Array, before: State) -> State:
-        places = {c.name: X if len(c.corners) > 1 else X.translation for c, X in zip(self.feet, at, strict=True)}
+        places = places_of(self.feet, {c.name: X for c, X in zip(self.feet, at, strict=True)})
         return find_pose(self.ends.robot, places, ground=self.ground, posture=before, com=com).state
 
     def _overlap(self, state: State) -> str:
         if self.bodies is None:
             return ""
-        for i, j, near in self.bodies.near(*placements(self.robot, state.q[None]), within=0.0):
-            if near.gap.min() < OVERLAP:
-                return f"{self.bodies.shapes[i][1]!r:.40} and {self.bodies.shapes[j][1]!r:.40}"
-        return ""
+        pairs = self.bodies.near(*placements(self.robot, state.q[None]), within=-DEEP_M)
+        names = (f"{self.bodies.shapes[i][1]!r:.40} and {self.bodies.shapes[j][1]!r:.40}" for i, j, _ in pairs)
+        return next(names, "")
 
     def _words(self, f: int, X: pin.SE3) -> str:
         x, y, z = np.round(X.translation, 2) + 0.0

@@ -12,15 +12,16 @@ from typing import TypeVar
 import numpy as np
 
 from rbd.errors import CannotPlan
-from rbd.planning.momentum import Momentum
+from rbd.planning.momentum import Momentum, halved
 from rbd.planning.stays import PlannedContacts
 
 STEP, NEAR = 2.0, 1.1
-"""Times are made longer or shorter by this at first; the search ends where a plan and what is none are so near."""
+"""The factor by which times are doubled or halved at first; and the factor between the longest duration without a plan and the
+shortest with one at which the search ends."""
 PLANS = 8
 """Plans that are tried at most."""
-SHORTEST = 1.0 / 16.0
-"""Times are not made shorter by more than this."""
+SHORTEST, HALVED = 1.0 / 16.0, 10
+"""Times are not made shorter by more than this; how often the range of the least factor is halved."""
 
 T = TypeVar("T")
 
@@ -70,9 +71,10 @@ def shortest(supports: PlannedContacts, planned: Callable[[PlannedContacts], T])
 def _least(supports: PlannedContacts) -> float:
     """The least factor at which contacts can give the momentum; at least `SHORTEST`."""
     low, high = np.log(SHORTEST), 0.0
-    while high < 4.0 and Momentum.of(stretched(supports, np.exp(high))).refused:
+
+    def refused(factor: float) -> bool:
+        return Momentum.of(stretched(supports, factor)).refused
+
+    while high < 4.0 and refused(np.exp(high)):
         low, high = high, high + 0.5
-    for _ in range(10):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if Momentum.of(stretched(supports, np.exp(middle))).refused else (low, middle)
-    return float(np.exp(low))
+    return halved(refused, low, high, HALVED)[0]

@@ -34,7 +34,7 @@ GRID = 0.05
 PROVES = 1e-5
 """A contradiction counts where this is missing, over the weight and the time, or more ..."""
 REACH = 1e3
-"""... and the proof holds for forces whose normal parts add up to so many times the weight, on average, or more."""
+"""... and the certificate excludes all forces whose normal parts are on average less than so many times the weight."""
 SPEAKS = 0.01
 """Instants count at which forces would be needed of this share of the largest."""
 HELPS, HALVED = 16.0, 14
@@ -349,11 +349,16 @@ def _least(way: Callable[[float], Momentum]) -> float | None:
     """The least factor above one with which nothing is contradictory, rounded up to 0.1 %; None below `HELPS`."""
     if way(HELPS).refused:
         return None
-    low, high = 0.0, float(np.log(HELPS))
-    for _ in range(HALVED):
+    _, high = halved(lambda factor: way(factor).refused, 0.0, float(np.log(HELPS)), HALVED)
+    return float(np.ceil(1e3 * high) / 1e3)
+
+
+def halved(refused: Callable[[float], bool], low: float, high: float, times: int) -> tuple[float, float]:
+    """(largest factor known to be refused, least known not to be): a range of logarithms is halved so many times."""
+    for _ in range(times):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if way(float(np.exp(middle))).refused else (low, middle)
-    return float(np.ceil(1e3 * np.exp(high)) / 1e3)
+        low, high = (middle, high) if refused(float(np.exp(middle))) else (low, middle)
+    return float(np.exp(low)), float(np.exp(high))
 
 
 def _null(rows: Array) -> Array:

@@ -204,9 +204,8 @@ class Plan(Displayed):
 
     def _at(self, t: float) -> tuple[int, float]:
         """(interval, share of it) at a time."""
-        x, start = self._time(t), self.intervals.start
-        i = max(int(np.searchsorted(start, x, side="right")) - 1, 0)
-        return i, float((x - start[i]) / (self.intervals.end[i] - start[i]))
+        i, share = self.intervals.at(self._time(t))
+        return int(i), float(share)
 
     @lazy
     def _axes(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from hops import END, LAND, LIFT, hop_of
 
 import rbd
 from rbd.model.state import state_at
@@ -12,17 +13,11 @@ from rbd.planning import Plan
 from rbd.planning.certificate import FALLS
 from rbd.planning.stays import centre_of
 
-LIFT, LAND, END = 0.4, 0.7, 1.1
-
 
 @pytest.fixture(scope="module", params=["solo12", "go2"])
 def hop(request: pytest.FixtureRequest) -> Plan:
     """Nothing stands from 0.4 to 0.7 s; the centre of mass rises by 11 cm."""
-    robot = rbd.load_robot(request.param)
-    stand = robot.standing()
-    low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.06, 0.02))
-    keys = {0.0: stand, 0.25: low, LIFT: off, LAND: off, 0.85: low, END: stand}
-    return rbd.plan(robot, keys, {foot.name: [(0.0, LIFT), (LAND, END)] for foot in robot.feet()}, progress=False)
+    return hop_of(rbd.load_robot(request.param))
 
 
 def followed(plan: Plan, start: float = 0.0, ground: float = 0.0) -> tuple[rbd.control.ControlLog, rbd.Trajectory]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from hops import hop_of
 
 import rbd
 from rbd.errors import CannotPlan, CannotReach, InputError
@@ -80,10 +81,7 @@ def lifted(solo: rbd.Robot) -> Plan:
 @pytest.fixture(scope="module")
 def hop(solo: rbd.Robot) -> Plan:
     """Nothing stands from 0.4 to 0.7 s."""
-    stand = solo.standing()
-    low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.06, 0.02))
-    keys = {0.0: stand, 0.25: low, 0.4: off, 0.7: off, 0.85: low, 1.1: stand}
-    return rbd.plan(solo, keys, {foot.name: [(0.0, 0.4), (0.7, 1.1)] for foot in solo.feet()}, progress=False)
+    return hop_of(solo)
 
 
 def test_a_hop_is_a_throw(hop: Plan, solo: rbd.Robot):

@@ -72,8 +72,12 @@ def _extent(P: Array, x: float, y: float, z: float) -> tuple[float, float]:
 @compiled
 def wall(n: Array, a: Array, b: Array) -> Array:
     """Unit vector across an edge from a to b of a face with normal n, into the face."""
-    m = cross(n, b - a)
-    return m / math.sqrt(max(dot(m, m), 1e-300))
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    m = np.empty(3)
+    m[0], m[1], m[2] = n[1] * z - n[2] * y, n[2] * x - n[0] * z, n[0] * y - n[1] * x
+    size = math.sqrt(max(dot(m, m), 1e-300))
+    m[0], m[1], m[2] = m[0] / size, m[1] / size, m[2] / size
+    return m
 
 
 @compiled
@@ -81,11 +85,8 @@ def walls_of(n: Array, loop: Array, vertices: Array) -> Array:
     """(m, level) of each edge of a face with a normal n, m . x >= level over the face, shape (edges, 4)."""
     out = np.empty((len(loop), 4))
     for j in range(len(loop)):
-        a, b = vertices[loop[j]], vertices[loop[(j + 1) % len(loop)]]
-        x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        u, v, w = n[1] * z - n[2] * y, n[2] * x - n[0] * z, n[0] * y - n[1] * x
-        size = math.sqrt(max(u * u + v * v + w * w, 1e-300))
-        out[j, 0], out[j, 1], out[j, 2] = u / size, v / size, w / size
+        a = vertices[loop[j]]
+        out[j, :3] = wall(n, a, vertices[loop[(j + 1) % len(loop)]])
         out[j, 3] = dot(out[j], a)
     return out
 

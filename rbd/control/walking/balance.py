@@ -17,10 +17,9 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance, neares
 from rbd.constraints.surface import On
 from rbd.control.schedules import AcceptedStep
 from rbd.control.task_terms import Reference
-from rbd.control.walking.footsteps import centre_of
 from rbd.control.walking.plan import COARSE, REST, WalkPlan
 from rbd.control.walking.swings import Swing, to_rest
-from rbd.control.walking.walk import Walk
+from rbd.control.walking.walk import Walk, contacts_at
 from rbd.errors import InaccurateWarning, InputError, NoSolution
 from rbd.errors.warned import stacklevel_of_user
 from rbd.model.external import generalised
@@ -187,7 +186,7 @@ class Balance(Walk):
         self._push = generalised(state, self._tau)[1]
         self._land(step)
         x = (state.com + v / self._w)[:2] + LOOK * self._push[:2] / (mass * self._w**2)
-        poses = {name: centre_of(state, foot) for name, foot in self._feet.items()}
+        poses = contacts_at(state, self.contacts)
         soles = {name: self._sole(name, X) for name, X in poses.items()}
         if self.steps and t >= self._again:
             self._decide(t, state.com, x, poses, soles)

@@ -49,8 +49,9 @@ WEIGHED = 1.0
 STARTS = 3.0
 """When the first foot is lifted [sqrt(h / g)]."""
 WEAK = 1.15
-"""A plan that takes more than so many times the torque limits is refused; of feet that are points, more than the limits. What
-is less is followed a little lower: Romeo's first steps take 1.04, and a human who falls on stairs of 7 cm 1.25."""
+"""A walk is refused if forces of its plan need more than this many times a joint's torque limit; on point feet, more than the
+limit itself. Where they need less, the centre of mass sinks a little. Romeo's first steps need 1.04; a human who fell on
+stairs of 7 cm needed 1.25."""
 RISE = 0.18
 """A foot is put at most so much higher or lower than the others, over h."""
 REACHED = 0.1

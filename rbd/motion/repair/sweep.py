@@ -69,8 +69,9 @@ class Sweep:
         pushes = pin.StdVec_Force([pin.Force.Zero()] * model.njoints)
         different, which = np.unique(np.array(joints, int), return_inverse=True)
         pushed, given = [pushes[int(j)] for j in different], np.zeros((n, len(different), 6))
-        for f, j in enumerate(() if wrenches is None else which):
-            given[:, j] += wrenches[:, f]  # type: ignore[index]
+        if wrenches is not None:
+            for f, j in enumerate(which):
+                given[:, j] += wrenches[:, f]
         v, a = rates(robot, q, dt)
         data = model.createData()
         every = rows_from([(X.rotation, X.translation) for X in data.oMi], 12)

@@ -50,8 +50,8 @@ class PlannedSamples:
     def of(cls, plan: Plan) -> PlannedSamples:
         """Forces and torques are linear between the ends of the intervals of its proof."""
         x, pushes = plan.intervals, plan.pushes
-        i = (np.searchsorted(x.start, plan.t, side="right") - 1).clip(0)
-        s = ((plan.t - x.start[i]) / (x.end[i] - x.start[i]))[:, None]
+        i, share = x.at(plan.t)
+        s = share[:, None]
         knot, on = pushes.before(x.start, x.end)[i], x.on[i]
         places = np.where(pushes.on[knot, :, None], pushes.places[knot], pushes.places[knot + 1])
         places = np.where(on[..., None], places, np.nan)
@@ -71,7 +71,7 @@ def shown_plan(plan: Plan) -> ShownMotion:
     The missing wrench is what the motion needs at its centre of mass less what contacts give, at the same times.
     """
     x, samples, floor = plan.intervals, PlannedSamples.of(plan), plan.floor
-    bad = ~x.sure[(np.searchsorted(x.start, plan.t, side="right") - 1).clip(0)]
+    bad = ~x.sure[x.at(plan.t)[0]]
     modes = {name: np.where(np.isnan(p).any(axis=(1, 2)), OPEN, STICKS).tolist() for name, p in samples.points.items()}
     events = [
         Event(float(plan.t[k + 1]), name, "leaves" if stands == STICKS else "touches", 0)
