@@ -45,13 +45,13 @@ def xarray_or_error() -> Any:
     Raises:
         InputError: if it is not installed; names the extra.
     """
-    return of_study("xarray")
+    return of_extra("xarray", "study")
 
 
-def of_study(name: str) -> Any:
-    """A module that the extra `study` installs; errors as `xarray_or_error`."""
+def of_extra(name: str, extra: str) -> Any:
+    """A module that an extra installs; errors as `xarray_or_error`."""
     try:
         return import_module(name)
     except ImportError as error:
-        told = "Install the extra: pip install 'rbd-contact[study]'"
+        told = f"Install the extra: pip install 'rbd-contact[{extra}]'"
         raise InputError(f"{name} is not installed here, and this needs it. {told}") from error

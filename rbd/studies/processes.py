@@ -22,7 +22,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, StudyStopped
 from rbd.installation import cores
 from rbd.model.content_hash import NoContent, digest, name_of
-from rbd.modules import of_study
+from rbd.modules import of_extra
 from rbd.studies.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, WarningCounts
 from rbd.studies.results import KeptRows, words_of
 from rbd.studies.samples import Samples
@@ -73,7 +73,7 @@ def pickled(value: Any, parts: Mapping[str, Any], *, looked_through: bool = Fals
     Raises:
         InputError: it cannot be pickled, or has no content, as an open file; names the value, and what to do.
     """
-    cloudpickle = of_study("cloudpickle")
+    cloudpickle = of_extra("cloudpickle", "study")
     try:
         sent: bytes = cloudpickle.dumps(value)
         what = ""

@@ -23,7 +23,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, StudyStopped
 from rbd.errors.reasons import Reason
 from rbd.model.output_files import check_place
-from rbd.modules import of_study, xarray_or_error
+from rbd.modules import of_extra, xarray_or_error
 from rbd.records import Variable
 from rbd.studies.provenance import check_format, continued, now, storable
 from rbd.studies.results import REASON, Block, Layout, joined, labelled
@@ -381,7 +381,7 @@ def _store_path(given: object) -> Path:
             f"out is {text!r:.200}; expected a path that ends in .zarr. The dataset that rbd.study returns is written in other "
             "formats by xarray: dataset.to_netcdf('push.nc')."
         )
-    of_study("zarr")
+    of_extra("zarr", "study")
     return path
 
 

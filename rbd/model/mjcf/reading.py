@@ -189,6 +189,21 @@ def read_mjcf(
     return replace(found, remarks=(*remarks, *lost))
 
 
+def of_compiled(model: Any, name: str) -> Mjcf:
+    """A model that MuJoCo has compiled, without what files have besides: motors, keyframes, equalities, remarks.
+
+    Raises:
+        ModelError: numbers or names that cannot be expressed.
+    """
+    import mujoco
+
+    wrong = Complaints(name)
+    _check_numbers(wrong, model)
+    bodies = _names(wrong, mujoco, model, "BODY", model.nbody)
+    joints = _names(wrong, mujoco, model, "JOINT", model.njnt, bodies)
+    return Mjcf(name, model, bodies, joints, None, {}, (), (), {}, frozenset(), {})
+
+
 @contextmanager
 def _quiet(mujoco: Any) -> Iterator[None]:
     """MuJoCo's warnings are about old words of MJCF, and go to the terminal and into a file of the folder one is in."""

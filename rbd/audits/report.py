@@ -1,0 +1,277 @@
+"""`AuditReport`: what `audit` found, frame by frame and in sum."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from rbd.answers.least_constraint import solve
+from rbd.answers.solution import Solution
+from rbd.arrays import Array, check_whole, largest_first, lazy, null_space
+from rbd.audits.causes import CAUSES, Thresholds
+from rbd.audits.explanations import Explanation
+from rbd.audits.kinematics import jacobian_at
+from rbd.audits.point_laws import PointLaws
+from rbd.audits.record import WORLD, Record
+from rbd.audits.softness import Softness, softness_of
+from rbd.constraints.contact import PointContact
+from rbd.displayed import Displayed, drawing
+from rbd.errors import InputError
+from rbd.errors.inputs import check_known
+from rbd.model.state import State
+from rbd.problem.ground import Body, Ground
+from rbd.records import Field
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_LISTED = 4
+_TRIED = 20
+"""Frames in which it is found out whether forces are unique, evenly spread."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AuditReport(Displayed):
+    """The report of `audit` on a record of n frames and k contact points.
+
+    Attributes:
+        record: The record.
+        law: The law by which points were judged.
+        friction: Coefficient of each point, shape (k,).
+        thresholds: From which size on a cause is reported.
+        force_scale: The robot's weight, see `Thresholds` [N].
+        missing: M a + h - tau - J^T f, shape (n, nv) [N, N m].
+        missing_scaled: Its largest entry over `force_scale`, moments over 0.3 m times it, shape (n,).
+        laws: Forces and motions of the points, and by how much they miss each law.
+        points: {cause: its size at each point, shape (k,)}, in the units of `rbd.audits.CAUSES`; zero below its threshold.
+        explanations: What explains missing forces, that of most frames first.
+    """
+
+    record: Record
+    law: str
+    friction: Array
+    thresholds: Thresholds
+    force_scale: float
+    missing: Array
+    missing_scaled: Array
+    laws: PointLaws
+    points: Mapping[str, Array]
+    explanations: tuple[Explanation, ...]
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field(
+            "worst_balance", (), "1", "largest missing force over the weight",
+            lambda report: report.missing_scaled.max(), certificate=True,
+        ),
+        Field("obeys", (), "", "law that all forces obey: coulomb, convex, both or neither"),
+        Field(
+            "frames", (), "1", "number of frames with each cause",
+            lambda report: {cause: int(report.of_cause(cause).sum()) for cause in CAUSES}, "frames_{}", "frames of {}",
+        ),
+        Field("energy_made", (), "J", "work that contacts did on the robot"),
+        Field("energy_taken", (), "J", "work that contacts took from it"),
+        Field("impulse_missing", ("axis",), "N s", "momentum that no named force accounts for, of the first free body"),
+    )  # fmt: skip
+
+    @lazy
+    def sizes(self) -> Array:
+        """Size of each cause in each frame, its largest over the points, shape (n, len(CAUSES)); zero where there is none."""
+        record, limits = self.record, self.thresholds
+        out = np.zeros((record.n, len(CAUSES)))
+        out[:, 0] = np.where(self.missing_scaled > limits.balance, self.missing_scaled * self.force_scale, 0.0)
+        for j, cause in enumerate([*CAUSES][1:], 1):
+            np.maximum.at(out[:, j], record.contact_at, self.points[cause])
+        return out
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is no cause in any frame."""
+        return not self.sizes.any()
+
+    def of_cause(self, cause: str) -> Array:
+        """In which frames a cause is, shape (n,), bool.
+
+        Raises:
+            InputError: no such cause; the nearest are named.
+        """
+        check_known("no cause", cause, [*CAUSES])
+        return np.asarray(self.sizes[:, [*CAUSES].index(cause)] > 0.0)
+
+    def worst(self, cause: str, count: int = 5) -> Array:
+        """Frames in which a cause is largest, the worst first."""
+        number = check_whole("count", count)
+        sizes = np.where(self.of_cause(cause), self.sizes[:, [*CAUSES].index(cause)], 0.0)
+        order = largest_first(sizes)[:number]
+        return np.asarray(order[sizes[order] > 0.0])
+
+    @property
+    def ranked(self) -> tuple[str, ...]:
+        """The causes that there are, that of most frames first; those of the equation of motion before others."""
+        counts = {cause: int(self.of_cause(cause).sum()) for cause in CAUSES}
+        return tuple(sorted((c for c, n in counts.items() if n), key=lambda c: (c != "balance", -counts[c])))
+
+    @lazy
+    def obeying(self) -> dict[str, float]:
+        """{law: share of the points that obey it}: force in its cone and none at a distance, velocity that goes with it."""
+        limits, laws = self.thresholds, self.laws
+        if not len(laws.push):
+            return {"coulomb": 1.0, "convex": 1.0}
+        good = (laws.outside <= limits.cone * self.force_scale) & ~(self.points["pushes at a distance"] > 0.0)
+        return {
+            name: float((good & (x <= limits.speed)).mean()) for name, x in (("coulomb", laws.coulomb), ("convex", laws.convex))
+        }
+
+    @property
+    def obeys(self) -> str:
+        """The law that all points obey: "coulomb", "convex", "both" (nothing slides) or "neither"."""
+        coulomb, convex = (share == 1.0 for share in self.obeying.values())
+        return "both" if coulomb and convex else "coulomb" if coulomb else "convex" if convex else "neither"
+
+    @lazy
+    def _durations(self) -> Array:
+        """For how long each frame lasts, shape (n,) [s]: its step, else the time to the next one."""
+        record = self.record
+        between = np.append(np.diff(record.t), 0.0)
+        return np.where(record.step > 0.0, np.minimum(record.step, np.where(between > 0.0, between, np.inf)), between)
+
+    def _work(self, sign: float) -> float:
+        power = np.maximum(sign * self.laws.power, 0.0)
+        return float((power * self._durations[self.record.contact_at]).sum())
+
+    @property
+    def energy_made(self) -> float:
+        """Work that contacts did on the robot, over the motion [J]: none where they neither push apart nor move."""
+        return self._work(1.0)
+
+    @property
+    def energy_taken(self) -> float:
+        """Work that contacts took from the robot, over the motion [J]."""
+        return self._work(-1.0)
+
+    @lazy
+    def impulse_missing(self) -> Array:
+        """Sum over time of the force that is missing on the first free body, in W, shape (3,) [N s]; zero without one."""
+        piece = next((piece for piece in self.record.robot.joints.pieces if piece.kind == "space"), None)
+        if piece is None:
+            return np.zeros(3)
+        from scipy.spatial.transform import Rotation  # a tenth of a second
+
+        q = self.record.q[:, piece.q + 3 : piece.q + 7]
+        force = Rotation.from_quat(q).apply(self.missing[:, piece.v : piece.v + 3])
+        return np.asarray((force * self._durations[:, None]).sum(axis=0))
+
+    @lazy
+    def softness(self) -> tuple[Softness, ...]:
+        """Of each pair of bodies that touch: how soft their contact is, and how it creeps."""
+        return softness_of(self.record, self.laws)
+
+    def loose(self, frame: int) -> int:
+        """How many numbers of a frame's contact forces its motion leaves open: 3 k less the rank of their Jacobians."""
+        points = self._points(frame)
+        J = np.vstack([jacobian_at(self.record, i) for i in points] or [np.zeros((0, self.record.robot.nv))])
+        return null_space(J.T).shape[1] if len(J) else 0
+
+    def _points(self, frame: int) -> range:
+        number = check_whole("frame", frame, self.record.n - 1, least=0)
+        return range(int(self.record.starts[number]), int(self.record.starts[number + 1]))
+
+    def answer(self, frame: int) -> Solution:
+        """What `rbd.solve` gives in the state of a frame, with the record's known forces and contact points.
+
+        Its contacts are called "point 0", "point 1", ... Where forces of one motion are not unique, `answer.uniqueness()` has
+        their ranges.
+
+        Raises:
+            InputError: no such frame; a friction that is not known.
+            rbd.errors.ContactMoves, rbd.NoSolution: as `rbd.solve`: points that approach, as they do within a soft surface.
+        """
+        record, contacts = self.record, []
+        state = State(record.robot, record.q[frame], record.v[frame])
+        for j, i in enumerate(self._points(frame)):
+            if np.isnan(self.friction[i]):
+                raise InputError(
+                    f"friction of point {j} in frame {frame} is not known; give it: rbd.audit(record, friction=0.5)."
+                )
+            contacts.append(self._contact(state, f"point {j}", i))
+        external = record.tau[frame] + self._pushes(state, frame)
+        return solve(state, None, contacts, law=self.law, external=external, rest_speed=self._rest_speed(frame))
+
+    def _rest_speed(self, frame: int) -> float:
+        """Soft surfaces move: the speed of their points is none of an impact."""
+        at = list(self._points(frame))
+        return float(max(self.thresholds.speed, 1.01 * np.abs(self.laws.leave[at]).max(initial=0.0)))
+
+    def _contact(self, state: State, name: str, i: int) -> PointContact:
+        record = self.record
+        first, second = (record.bodies[b] for b in record.contact_bodies[i])
+        n, p = record.normals[i], record.points[i]
+        if first == WORLD:
+            first, second, n = second, WORLD, -n
+        X = state.frame(first).X_WF
+        offset = X.actInv(p)
+        if second == WORLD:
+            return PointContact(name, first, offset=offset, friction=float(self.friction[i]), on=Ground(normal=n, point=p))
+        body = Body(second, normal=state.frame(second).X_WF.rotation.T @ n)
+        return PointContact(name, first, offset=offset, friction=float(self.friction[i]), on=body)
+
+    def _pushes(self, state: State, frame: int) -> Array:
+        record = self.record
+        out = np.zeros(record.robot.nv)
+        for i in np.flatnonzero(record.push_at == frame):
+            body, p = record.bodies[record.push_bodies[i]], record.push_points[i]
+            if body != WORLD:
+                at = state.frame(body)
+                arm = np.cross(p - at.X_WF.translation, record.push_forces[i]) + record.push_moments[i]
+                out += at.J[:3].T @ record.push_forces[i] + at.J[3:].T @ arm
+        return out
+
+    def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
+        """Write a page: the motion with both sets of forces, and a lane for each cause; see `rbd.visual.export_audit`."""
+        return drawing("export_audit")(self, path, **options)
+
+    def __str__(self) -> str:
+        record, n, limits = self.record, self.record.n, self.thresholds
+        good = int((~self.sizes.any(axis=1)).sum())
+        told = [f"{good} of {n} frames without a cause; judged by {_LAWS[self.law]}; {_obeyed(self)}."]
+        if self.ranked:
+            told.append(f"{'cause':<22}{'frames':>8}{'worst':>14}  {'at':<14}what it is")
+        for cause in self.ranked:
+            unit, meaning = CAUSES[cause]
+            i = int(self.worst(cause, 1)[0])
+            size = self.sizes[i, [*CAUSES].index(cause)]
+            size, unit = (1e3 * size, f"m{unit}") if unit in ("m", "m/s") else (size, unit)
+            frames = int(self.of_cause(cause).sum())
+            told.append(f"{cause:<22}{frames:>8}{f'{size:.4g} {unit}':>14}  {f't = {record.t[i]:.4g} s':<14}{meaning}")
+        most, scale = float(self.missing_scaled.max()), self.force_scale
+        told.append(f"equation of motion: {most * scale:.3g} N missing at most, {most:.2g} of {scale:.4g} N")
+        told += [f"explained: {each.text}{_frames(each.frames, n)}" for each in self.explanations[:_LISTED]]
+        told.append(f"contacts made {self.energy_made:.4g} J and took {self.energy_taken:.4g} J")
+        told += [f"surface: {each}" for each in self.softness[:_LISTED]]
+        loose = max(self.loose(i) for i in np.unique(np.linspace(0, n - 1, _TRIED).astype(int)).tolist())
+        if loose:
+            told.append(f"forces are not unique: up to {loose} of their numbers leave the motion as it is")
+        told.append(f"thresholds: {', '.join(f'{name} {value:g}' for name, value in vars(limits).items())}")
+        return "\n".join([*told, *(f"note: {note}" for note in record.notes)])
+
+
+_LAWS = {"coulomb": "Coulomb's law", "convex": "the convex law"}
+
+
+def _obeyed(report: AuditReport) -> str:
+    if report.obeys == "both":
+        return "both laws hold" if len(report.laws.push) else "no contacts"
+    if report.obeys != "neither":
+        return f"{_LAWS[report.obeys]} holds at all points"
+    coulomb, convex = report.obeying.values()
+    return f"Coulomb's law holds at {coulomb:.1%} of the points, the convex law at {convex:.1%}"
+
+
+def _frames(frames: tuple[int, ...], n: int) -> str:
+    if not frames:
+        return f" (all {n} frames)" if n > 1 else ""
+    shown = ", ".join(map(str, sorted(frames)[:_LISTED]))
+    return f" (frame{'s' * (len(frames) > 1)} {shown}{', ...' if len(frames) > _LISTED else ''})" if n > 1 else ""
