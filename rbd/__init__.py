@@ -24,6 +24,7 @@ if _TYPE_CHECKING:
     from rbd.answers.solution import (
         Solution as Solution,
     )
+    from rbd.audits.auditing import audit as audit
     from rbd.constraints import (
         CollisionContacts as CollisionContacts,
         DrivenJoint as DrivenJoint,
@@ -152,6 +153,7 @@ if _TYPE_CHECKING:
 __version__ = _VERSION
 
 _NAMES = {
+    "rbd.audits.auditing": "audit",
     "rbd.constraints": """
         CollisionContacts DrivenJoint FunctionConstraint JointCoupling JointFriction JointLimit JointLock KnifeEdge LineContact
         LoopClosure PointContact RollingBall RollingDisk RollingWheel SurfaceContact Terrain

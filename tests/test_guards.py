@@ -1495,6 +1495,29 @@ CASES |= {
     "Motion.filtered": Case(lambda cutoff: use_motion(SWAY.filtered(cutoff)), {"cutoff": 5.0}, 10),
     "Motion.save": Case(use_save, {"path": "/nowhere/x.csv", "kind": "motion", "header": True, "decimals": 6}, 10),
 }
+AUDITED = rbd.audits.from_solutions([SOLUTION, rbd.solve(MOVING, TAU, [])])
+RECORDED = {name: getattr(AUDITED, name) for name in ("t", "q", "v", "a", "tau", "points", "normals", "friction", "forces")}
+RECORDED |= {"contact_at": AUDITED.contact_at, "gaps": np.zeros(len(AUDITED.points)), "step": 0.01}
+RECORDED |= {"contact_bodies": [AUDITED.bodies[first] for first, _ in AUDITED.contact_bodies.tolist()]}
+
+
+def use_audit(report: Any) -> Any:
+    """What it says of each frame."""
+    return report.missing, report.sizes, report.obeying, str(report)
+
+
+CASES |= {
+    "audit": Case(
+        lambda **given: use_audit(rbd.audit(**given)),
+        {"record": AUDITED, "law": "coulomb", "friction": 0.7, "thresholds": None},
+        20,
+    ),
+    "audits.Record.of_arrays": Case(
+        lambda **given: use_audit(rbd.audit(rbd.audits.Record.of_arrays(BOLT, **given))),
+        RECORDED | {"quaternion": "xyzw", "base_velocity": "body", "engine": "x", "notes": ["x"]},
+        40,
+    ),
+}
 CHECKED = {"motion": SWAY, "friction": 0.7, "torque_limits": True, "contacts": None, "ground": "fit", "threshold": 0.02}
 CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "rest_speed": 5e-3}
 CHECKED |= {"touch_height": 0.03, "touch_speed": 0.25}

@@ -298,6 +298,7 @@ class TestWhatStandsOnTop:
             "solve_many",
             "Motion",
             "check_motion",
+            "audit",
             "estimate_forces",
             "plan",
             "study",

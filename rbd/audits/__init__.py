@@ -4,6 +4,7 @@ from functools import partial as _partial
 
 from rbd.audits.auditing import audit
 from rbd.audits.causes import CAUSES, Thresholds
+from rbd.audits.drake_records import from_drake
 from rbd.audits.explanations import Explanation
 from rbd.audits.mujoco_records import from_mujoco
 from rbd.audits.own_records import from_solutions, from_trajectory
@@ -18,6 +19,7 @@ __all__ = [
     "Record",
     "Thresholds",
     "audit",
+    "from_drake",
     "from_mujoco",
     "from_solutions",
     "from_trajectory",

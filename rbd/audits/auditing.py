@@ -98,7 +98,11 @@ def _sizes(record: Record, laws: PointLaws, mu: Array, law: str, limits: Thresho
         "outside the cone": np.where(pushed & (laws.outside > limits.cone * force), laws.outside, 0.0),
         "pulls": np.where(laws.push < -limits.force * force, -laws.push, 0.0),
         "pushes at a distance": np.where(loaded & (record.gaps > limits.gap), record.gaps, 0.0),
-        "lifts": np.where(pushed & (laws.leave > limits.speed) & ~(as_convex & (laws.convex <= limits.speed)), laws.leave, 0.0),
+        "lifts": np.where(
+            pushed & (laws.leave > limits.speed) & ~(as_convex & (laws.convex <= laws.allowed(limits.speed, limits.angle))),
+            laws.leave,
+            0.0,
+        ),
         "creeps": np.where(pushed & rough & ~laws.edge & ~np.isnan(mu) & (speed > limits.speed), speed, 0.0),
         "friction not opposed": _angles(laws, speed, limits, force),
         "sinks": np.where(record.gaps < -limits.depth, -record.gaps, 0.0),
@@ -122,7 +126,7 @@ def _explained(record: Record, missing: Array, sizes: Array, scale: Array, limit
     bad = np.flatnonzero(sizes > limits.balance)
     if not len(bad):
         return ()
-    whole = wrong_convention(record, sizes, scale) if 2 * len(bad) > record.n else None
+    whole = wrong_convention(record, sizes, scale, limits.balance) if 2 * len(bad) > record.n else None
     if whole is not None:
         return (whole,)
     worst = bad[np.argsort(-sizes[bad], kind="stable")][:EXPLAINED]

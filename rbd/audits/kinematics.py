@@ -83,18 +83,19 @@ class _Bodies:
     def of(cls, record: Record, begin: int, end: int) -> _Bodies:
         robot, n = record.robot, end - begin
         model, data = robot.model, robot.model.createData()
-        poses = rows_from([(X.rotation, X.translation) for X in data.oMi], 12)  # these follow the data; R by columns, then p
+        # These follow the data; R is by columns.
+        poses = rows_from([(X.rotation, X.translation) for X in data.oMi], 12)
+        velocity, acceleration = (rows_from([(x.linear, x.angular) for x in of], 6) for of in (data.v, data.a_gf))
         need, J = np.empty((n, robot.nv)), np.empty((n, 6, robot.nv))
         place, moves = np.empty((n, *poses.shape)), np.zeros((n, model.njoints, 12))
         q, v, a = record.q, record.v, record.a
-        velocity, acceleration = data.v, data.a_gf
         for i in range(n):
             k = begin + i
             need[i] = pin.rnea(model, data, q[k], v[k], a[k])
             J[i] = pin.computeJointJacobians(model, data, q[k])
             place[i] = poses
-            moves[i, :, :6] = [x.vector for x in velocity]
-            moves[i, :, 6:] = [x.vector for x in acceleration]
+            moves[i, :, :6] = velocity
+            moves[i, :, 6:] = acceleration
         R = np.swapaxes(place[..., :9].reshape(n, -1, 3, 3), 2, 3)
         speed, spin, rate, turn = (np.einsum("njab,njb->nja", R, moves[..., 3 * part : 3 * part + 3]) for part in range(4))
         moves_up = rate + robot.gravity + cross_rows(spin.reshape(-1, 3), speed.reshape(-1, 3)).reshape(rate.shape)

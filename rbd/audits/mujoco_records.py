@@ -122,7 +122,10 @@ def _states(mujoco: Any, model: Any, data: Any, control: object) -> Iterator[Any
                 "mjSTATE_FULLPHYSICS, as mujoco.rollout returns them, or mjSTATE_INTEGRATION."
             )
         spec = sizes[states.shape[1]]
-    inputs = None if control is None else np.broadcast_to(as_finite("control", control), (len(states), model.nu))
+    inputs = None
+    if control is not None:
+        given = as_finite("control", control, (len(states), model.nu), (model.nu,))
+        inputs = np.broadcast_to(given, (len(states), model.nu))
     work = mujoco.MjData(model)
     for i, state in enumerate(states):
         mujoco.mj_setState(model, work, state, spec)

@@ -95,6 +95,11 @@ class PointLaws:
         power = np.einsum("ki,ki->k", f, balance.u + 0.5 * h * balance.w)
         return cls(push, drag, leave, slip, share, free, edge, outside, coulomb, convex, power)
 
+    def allowed(self, speed: float, angle: float) -> Array:
+        """By how much a velocity may miss a law, shape (k,) [m/s]: a speed, or an angle of its direction [degrees]."""
+        size = np.hypot(np.linalg.norm(self.slip, axis=1), self.leave)
+        return np.maximum(speed, np.sin(np.radians(angle)) * size)
+
 
 def _split(x: Array, n: Array) -> tuple[Array, Array]:
     """(parts along the normals, shape (k,), the rest, shape (k, 3)) of vectors."""

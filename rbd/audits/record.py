@@ -17,11 +17,12 @@ from scipy.spatial.transform import Rotation
 from rbd.arrays import Array, as_array, lazy, locked
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, nearest
-from rbd.errors.inputs import check_choice, check_kind
+from rbd.errors.inputs import check_choice, check_kind, listed_items
 from rbd.model.array_file import a_path, npz_arrays
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import Piece
 from rbd.model.output_files import write_file
+from rbd.motion.array_files import LARGEST
 from rbd.robots.loading import load_robot
 from rbd.simulation.trajectory_contents import recipe, robot_numbers, robot_of
 
@@ -55,7 +56,8 @@ class Record(Displayed):
         step: Length of the step that began at each frame, shape (n,) [s]; zero where a is a true acceleration.
         tau: Known generalised forces: motors, springs, damping, limits; shape (n, nv) [N, N m].
         contact_at: Frame of each point, shape (k,), not decreasing.
-        contact_bodies: The body that feels the force and the one that gives it, shape (k, 2), numbers in `bodies`.
+        contact_bodies: The body that feels the force and the one that gives it, shape (k, 2), numbers in `bodies`. The world,
+            number 0, gives.
         points: In W, shape (k, 3) [m].
         normals: From the giving body to the feeling one, in W, shape (k, 3), of unit length.
         friction: Coulomb's coefficient, shape (k,); NaN where it is not known.
@@ -132,7 +134,7 @@ class Record(Displayed):
         quaternion: str = "xyzw",
         base_velocity: str = "body",
         engine: str = "",
-        notes: Sequence[str] = (),
+        notes: tuple[str, ...] | list[str] = (),
     ) -> Record:
         """A record of an engine's arrays, in its conventions.
 
@@ -182,7 +184,7 @@ class Record(Displayed):
                 if piece.kind in ("space", "sphere"):
                     Q[:, unit_of(piece)] = np.roll(Q[:, unit_of(piece)], -1, axis=1)
         Q = _of_unit_length(robot, Q)
-        h = np.zeros(n) if step is None else np.broadcast_to(given("step", step, (n,) if np.ndim(step) else ()), n)
+        h = np.zeros(n) if step is None else np.broadcast_to(given("step", step, (), (n,)), n)
         if (a is None) == (v_next is None):
             raise InputError(
                 "a record has accelerations a, or velocities after a step v_next, with its length step: one of the two."
@@ -190,12 +192,10 @@ class Record(Displayed):
         if v_next is not None and not (step is not None and (h > 0.0).all()):
             raise InputError(f"step is {step!r:.80}; expected the length of the step that led to v_next, above zero [s].")
         A = given("a", a, (n, robot.nv)) if v_next is None else (given("v_next", v_next, (n, robot.nv)) - V) / h[:, None]
-        width = np.shape(tau)[-1:] if tau is not None else ()
         T = np.zeros((n, robot.nv))
-        if width == (robot.nu,) and robot.nu != robot.nv:
-            T[:, robot.actuated] = given("tau", tau, (n, robot.nu))
-        elif tau is not None:
-            T = given("tau", tau, (n, robot.nv))
+        if tau is not None:
+            torques = given("tau", tau, (n, robot.nv), (n, robot.nu))
+            T[:, slice(None) if torques.shape[1] == robot.nv else robot.actuated] = torques
         V, A, T = to_body_axes(robot, Q, V, A, T, base_velocity)
         at, push = (given(what, x, ("k",)) for what, x in (("contact_at", contact_at), ("push_at", push_at)))
         k, p = len(at), len(push)
@@ -207,19 +207,24 @@ class Record(Displayed):
                 )
             R = given("contact_axes", axes, (k, 3, 3))
             F, normals = np.einsum("kij,ki->kj", R, F), R[:, 0]
-        mu = np.full(k, np.nan if friction is None else friction) if np.ndim(friction) == 0 else friction
+        bodies = _numbers(robot, "contact_body", contact_bodies, k)
+        N = given("contact_normal", normals, (k, 3)) if k else F
+        turned = (bodies[:, 0] == 0)[:, None]  # the world gives, and a body feels
+        bodies, N, F = np.where(turned, bodies[:, ::-1], bodies), np.where(turned, -N, N), np.where(turned, -F, F)
+        mu = np.broadcast_to(given("contact_friction", np.nan if friction is None else friction, (), (k,), nan=True), k)
         gap = np.full(k, np.nan) if gaps is None else gaps
         return cls(
             robot=robot, t=times, q=Q, v=V, a=A, step=h, tau=T, contact_at=at,
-            contact_bodies=_numbers(robot, "contact_body", contact_bodies, k), points=points if k else np.zeros((0, 3)),
-            normals=normals if k else np.zeros((0, 3)), friction=mu, forces=F, gaps=gap, push_at=push,
+            contact_bodies=bodies, points=points if k else F, normals=N, friction=mu, forces=F, gaps=gap, push_at=push,
             push_bodies=_numbers(robot, "push_body", push_bodies, p)[:, 0], push_points=push_points if p else np.zeros((0, 3)),
             push_forces=push_forces if p else np.zeros((0, 3)),
-            push_moments=np.zeros((p, 3)) if push_moments is None else push_moments, engine=engine, notes=tuple(notes),
+            push_moments=np.zeros((p, 3)) if push_moments is None else push_moments, engine=engine,
+            notes=tuple(listed_items("notes", notes, "a list of texts")),
         )  # fmt: skip
 
     def __post_init__(self) -> None:
-        robot, n = self.robot, len(self.t)
+        check_kind("robot", self.robot, CheckedModel, "rbd.load_robot('g1')")
+        robot, n = self.robot, len(_floats(self.robot, "t", self.t, ("n",)))
         k, p = len(self.contact_at), len(self.push_at)
         shapes: dict[str, tuple[int, ...]] = {
             "t": (n,), "q": (n, robot.nq), "v": (n, robot.nv), "a": (n, robot.nv), "step": (n,), "tau": (n, robot.nv),
@@ -231,6 +236,8 @@ class Record(Displayed):
             object.__setattr__(self, name, locked(np.array(x)))
         if not n:
             raise InputError("a record has one frame or more; t is empty.")
+        check_kind("engine", self.engine, str, "the name of an engine")
+        object.__setattr__(self, "notes", tuple(map(str, self.notes)))
         back = np.flatnonzero(np.diff(self.t) <= 0.0)
         if len(back):
             i = int(back[0])
@@ -398,18 +405,19 @@ def to_body_axes(robot: CheckedModel, q: Array, v: Array, a: Array, tau: Array, 
     return v, a, tau
 
 
-def _floats(robot: CheckedModel, what: str, value: object, shape: tuple[int | str, ...], *, nan: bool = False) -> Array:
-    """An array of this shape, with its name in the message."""
+def _floats(robot: CheckedModel, what: str, value: object, *shapes: tuple[int | str, ...], nan: bool = False) -> Array:
+    """An array of one of some shapes, letters standing for any number, with its name in the message."""
+    told = " or ".join(map(_told, shapes))
     if value is None:
-        raise InputError(f"{what} is missing; expected shape {_told(shape)} for {robot.name}.")
+        raise InputError(f"{what} is missing; expected shape {told} for {robot.name}.")
     x = as_array(what, value)
-    fits = x.ndim == len(shape) and all(isinstance(m, str) or m == s for m, s in zip(shape, x.shape, strict=True))
-    if not fits:
-        raise InputError(f"{what} has shape {x.shape}; expected {_told(shape)} for {robot.name}.")
-    bad = np.argwhere(np.isinf(x) if nan else ~np.isfinite(x))
+    fitting = (zip(shape, x.shape, strict=True) for shape in shapes if len(shape) == x.ndim)
+    if not any(all(isinstance(m, str) or m == size for m, size in pairs) for pairs in fitting):
+        raise InputError(f"{what} has shape {x.shape}; expected {told} for {robot.name}.")
+    bad = np.argwhere((np.abs(x) > LARGEST) | (np.isnan(x) & (not nan)))
     if len(bad):
         where = [int(i) for i in bad[0]]
-        raise InputError(f"{what}{where} is {x[tuple(where)]:g}; expected a finite number.")
+        raise InputError(f"{what}{where} is {x[tuple(where)]:g}; expected a finite number, up to {LARGEST:g}.")
     return x
 
 
@@ -429,7 +437,10 @@ def _numbers(robot: CheckedModel, what: str, names: Any, k: int) -> Array:
     """Names of bodies, shape (k,) or (k, 2), as numbers, shape (k, 2)."""
     known = {name: i for i, name in enumerate(bodies_of(robot))}
     known |= {name: 0 for name in ("", "universe", "ground") if name not in known}
-    given = np.asarray(names, str) if k else np.zeros((0, 2), str)
+    try:
+        given = np.array(names, dtype=str) if k else np.zeros((0, 2), str)
+    except (ValueError, TypeError):
+        raise InputError(f"{what} is {names!r:.80}; expected ({k},) or ({k}, 2) names of bodies.") from None
     given = np.stack([given, np.full(given.shape, WORLD)], axis=1) if given.ndim == 1 else given
     if given.shape != (k, 2):
         raise InputError(f"{what} has shape {given.shape}; expected ({k},) or ({k}, 2), names of bodies.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -20,7 +21,7 @@ from rbd.audits.record import WORLD, Record
 from rbd.audits.softness import Softness, softness_of
 from rbd.constraints.contact import PointContact
 from rbd.displayed import Displayed, drawing
-from rbd.errors import InputError
+from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import check_known
 from rbd.model.state import State
 from rbd.problem.ground import Body, Ground
@@ -49,6 +50,13 @@ class AuditReport(Displayed):
         laws: Forces and motions of the points, and by how much they miss each law.
         points: {cause: its size at each point, shape (k,)}, in the units of `rbd.audits.CAUSES`; zero below its threshold.
         explanations: What explains missing forces, that of most frames first.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> record = rbd.audits.from_solutions([rbd.solve(solo.standing(), None, solo.feet(friction=0.7))])
+        >>> report = rbd.audit(record, friction=0.5)  # by a friction that is less than the answer's
+        >>> report.ranked, report.worst("outside the cone"), report.obeys
+        (('outside the cone',), array([0]), 'neither')
     """
 
     record: Record
@@ -116,14 +124,17 @@ class AuditReport(Displayed):
 
     @lazy
     def obeying(self) -> dict[str, float]:
-        """{law: share of the points that obey it}: force in its cone and none at a distance, velocity that goes with it."""
+        """{law: share of the points that obey it}: force in its cone and none at a distance, velocity that goes with it.
+
+        A velocity may miss the law by `thresholds.speed`, or by `thresholds.angle` in its direction.
+        """
         limits, laws = self.thresholds, self.laws
         if not len(laws.push):
             return {"coulomb": 1.0, "convex": 1.0}
         good = (laws.outside <= limits.cone * self.force_scale) & ~(self.points["pushes at a distance"] > 0.0)
-        return {
-            name: float((good & (x <= limits.speed)).mean()) for name, x in (("coulomb", laws.coulomb), ("convex", laws.convex))
-        }
+        most = laws.allowed(limits.speed, limits.angle)
+        missed = {"coulomb": laws.coulomb, "convex": laws.convex}
+        return {name: float((good & (x <= most)).mean()) for name, x in missed.items()}
 
     @property
     def obeys(self) -> str:
@@ -185,9 +196,12 @@ class AuditReport(Displayed):
         Its contacts are called "point 0", "point 1", ... Where forces of one motion are not unique, `answer.uniqueness()` has
         their ranges.
 
+        A point that moves into the world touches ground that gives way as fast.
+
         Raises:
             InputError: no such frame; a friction that is not known.
-            rbd.errors.ContactMoves, rbd.NoSolution: as `rbd.solve`: points that approach, as they do within a soft surface.
+            rbd.errors.ContactMoves: two bodies approach each other.
+            rbd.NoSolution: as `rbd.solve`.
         """
         record, contacts = self.record, []
         state = State(record.robot, record.q[frame], record.v[frame])
@@ -198,25 +212,35 @@ class AuditReport(Displayed):
                 )
             contacts.append(self._contact(state, f"point {j}", i))
         external = record.tau[frame] + self._pushes(state, frame)
-        return solve(state, None, contacts, law=self.law, external=external, rest_speed=self._rest_speed(frame))
-
-    def _rest_speed(self, frame: int) -> float:
-        """Soft surfaces move: the speed of their points is none of an impact."""
-        at = list(self._points(frame))
-        return float(max(self.thresholds.speed, 1.01 * np.abs(self.laws.leave[at]).max(initial=0.0)))
+        return solve(state, None, contacts, law=self.law, external=external)
 
     def _contact(self, state: State, name: str, i: int) -> PointContact:
         record = self.record
         first, second = (record.bodies[b] for b in record.contact_bodies[i])
         n, p = record.normals[i], record.points[i]
-        if first == WORLD:
-            first, second, n = second, WORLD, -n
         X = state.frame(first).X_WF
         offset = X.actInv(p)
-        if second == WORLD:
-            return PointContact(name, first, offset=offset, friction=float(self.friction[i]), on=Ground(normal=n, point=p))
-        body = Body(second, normal=state.frame(second).X_WF.rotation.T @ n)
-        return PointContact(name, first, offset=offset, friction=float(self.friction[i]), on=body)
+        on: Ground | Body
+        if second == WORLD:  # what gives way moves as the point does
+            sinking = min(float(n @ jacobian_at(record, i) @ record.v[record.contact_at[i]]), 0.0)
+            on = Ground(normal=n, point=p, velocity=sinking * n)
+        else:
+            on = Body(second, normal=state.frame(second).X_WF.rotation.T @ n)
+        return PointContact(name, first, offset=offset, friction=float(self.friction[i]), on=on)
+
+    @lazy
+    def largest_push(self) -> tuple[int, float, float]:
+        """(frame, sum of the normal forces there, that of `answer`) where the sum is largest [N]; NaN without an answer."""
+        record = self.record
+        sums = np.bincount(record.contact_at, np.maximum(self.laws.push, 0.0), record.n)
+        frame = int(largest_first(sums)[0])
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                forces = self.answer(frame).forces
+        except RbdError:
+            return frame, float(sums[frame]), np.nan
+        pushes = [record.normals[i] @ forces[f"point {j}"] for j, i in enumerate(self._points(frame))]
+        return frame, float(sums[frame]), float(sum(pushes))
 
     def _pushes(self, state: State, frame: int) -> Array:
         record = self.record
@@ -249,6 +273,12 @@ class AuditReport(Displayed):
         most, scale = float(self.missing_scaled.max()), self.force_scale
         told.append(f"equation of motion: {most * scale:.3g} N missing at most, {most:.2g} of {scale:.4g} N")
         told += [f"explained: {each.text}{_frames(each.frames, n)}" for each in self.explanations[:_LISTED]]
+        if len(record.forces):
+            frame, push, right = self.largest_push
+            by_law = "" if np.isnan(right) else f"; by the law {right:.4g} N"
+            told.append(
+                f"largest push: {push:.4g} N, {push / scale:.3g} times the weight, at t = {record.t[frame]:.4g} s{by_law}"
+            )
         told.append(f"contacts made {self.energy_made:.4g} J and took {self.energy_taken:.4g} J")
         told += [f"surface: {each}" for each in self.softness[:_LISTED]]
         loose = max(self.loose(i) for i in np.unique(np.linspace(0, n - 1, _TRIED).astype(int)).tolist())

@@ -18,6 +18,7 @@ from typing import Annotated, Literal
 import typer
 from rich.progress import track
 
+from rbd.cli.audit_command import audit
 from rbd.cli.check_command import check
 from rbd.cli.ground_option import GroundOption, ground_of
 from rbd.cli.stand_command import region, stand
@@ -80,6 +81,7 @@ app.command()(stand)
 app.command()(region)
 app.command()(check)
 app.command()(walk)
+app.command()(audit)
 
 
 @app.command()

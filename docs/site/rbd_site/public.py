@@ -17,7 +17,7 @@ PACKAGES = tuple(
     for name in (
         *("dynamics", "constraints", "constraints.forces", "problem", "solvers", "answers.analysis", "answers.many"),
         *("robots", "model", "statics", "centroid", "control", "mechanism", "mechanism.small_motion", "simulation"),
-        *("planning", "motion", "motion.identification", "studies", "planar", "visual", "testing", "errors"),
+        *("planning", "audits", "motion", "motion.identification", "studies", "planar", "visual", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
@@ -36,7 +36,7 @@ GROUPS = {
     "Torques": "hold inverse_dynamics Actuation",
     "Small motion": "linearise find_equilibrium find_steady_motion",
     "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
-    "Motions": "Motion check_motion estimate_forces identify plan",
+    "Motions": "Motion check_motion estimate_forces identify plan audit",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
 }
