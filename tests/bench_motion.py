@@ -6,11 +6,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 from bench_timing import Row, once
 
 import rbd
 
-FRAMES, RATE = 1800, 30.0
+FRAMES, RATE, AUDIT_RATE = 1800, 30.0, 60.0
 MARKS = {False: (3.0,), True: (4.0,)}
 """Seconds, without and with self-collision."""
 
@@ -23,6 +24,20 @@ def swaying(robot: rbd.Robot) -> rbd.Motion:
     q = np.repeat(robot.standing().q[None], FRAMES, axis=0)
     q[:, at] += 0.3 * np.sin(2.0 * np.pi * t[:, None] / np.array([2.0, 3.0, 4.0, 5.0, 6.0]))
     return rbd.Motion.of_arrays(robot, t, q)
+
+
+def audited(robot: rbd.Robot) -> rbd.audits.Record:
+    """The same at 60 Hz, with the forces of its feet that `rbd.check_motion` found."""
+    motion = swaying(robot).resample(AUDIT_RATE)
+    report = rbd.check_motion(motion, self_collision=False)
+    frame, point = np.nonzero(report.lanes.touches)
+    carriers = {f.parentJoint: f.name for f in robot.model.frames if f.type == pin.BODY}
+    return rbd.audits.Record.of_arrays(
+        robot, t=motion.t, q=motion.q, v=motion.v, a=motion.a, tau=report.tau, contact_at=frame,
+        contact_bodies=np.array([carriers[j] for j in report.lanes.points.joint])[point],
+        points=report.lanes.places[frame, point], normals=np.tile([0.0, 0.0, 1.0], (len(frame), 1)), friction=0.7,
+        forces=report.forces[frame, point], gaps=report.lanes.heights[frame, point],
+    )  # fmt: skip
 
 
 def motion_rows(robot: rbd.Robot) -> list[Row]:
@@ -41,4 +56,15 @@ def motion_rows(robot: rbd.Robot) -> list[Row]:
 
             what = "a minute of motion at 30 Hz read, checked, reported" + (", with self-collision" if collision else "")
             out.append(Row(what, {robot.name: once(work)}, "s", marks))
+        record = audited(robot)
+        record.save(kept)
+
+        def judge() -> str:
+            return str(rbd.audit(rbd.audits.Record.read(kept)))
+
+        judge()
+        minute = {robot.name: once(judge)}
+        out.append(Row("a minute at 60 Hz with its contact forces read, audited, reported", minute, "s", (5.0,)))
+        frame = {robot.name: 1e3 * once(lambda: rbd.audit(record)) / record.n}
+        out.append(Row("the same, a frame, without file and table", frame, "ms", (1.0,)))
     return out

@@ -12,7 +12,7 @@ import numpy as np
 
 from rbd.answers.least_constraint import solve
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, check_whole, largest_first, lazy, null_space
+from rbd.arrays import Array, check_whole, largest_first, lazy, null_space, range_of
 from rbd.audits.causes import CAUSES, Thresholds
 from rbd.audits.explanations import Explanation
 from rbd.audits.kinematics import jacobian_at
@@ -24,13 +24,18 @@ from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import check_known
 from rbd.model.state import State
+from rbd.problem.cones import project_cones
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.ground import Body, Ground
 from rbd.records import Field
+from rbd.solvers.conic_newton import interior_point
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 _LISTED = 4
+_NEAR = 1e-6
+"""By how much the extreme forces may miss their program, in weights."""
 _TRIED = 20
 """Frames in which it is found out whether forces are unique, evenly spread."""
 
@@ -186,6 +191,44 @@ class AuditReport(Displayed):
         J = np.vstack([jacobian_at(self.record, i) for i in points] or [np.zeros((0, self.record.robot.nv))])
         return null_space(J.T).shape[1] if len(J) else 0
 
+    def ranges(self, frame: int) -> Array:
+        """Smallest and largest normal force at each point of a frame, shape (k, 2) [N], of all forces with the same motion.
+
+        These are within their cones and have the same J^T f as those of the record; alike where a force is unique. To about
+        1e-6 of the weight, by an interior-point method; NaN where none was found, or a force of the record is outside its cone.
+
+        Raises:
+            InputError: no such frame; a friction that is not known.
+        """
+        points = list(self._points(frame))
+        out, k = np.full((len(points), 2), np.nan), len(points)
+        if not points or (self.laws.outside[points] > self.thresholds.cone * self.force_scale).any():
+            return out
+        mu, n = self._known_friction(frame), self.record.normals[points]
+        tangent = np.cross(n, np.where(np.abs(n[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        axes = np.stack([tangent, np.cross(n, tangent), n], axis=1)  # rows
+        A = np.hstack([(axes[j] @ jacobian_at(self.record, i)).T for j, i in enumerate(points)])
+        A = range_of(A).T @ A
+        x = project_cones(np.einsum("kij,kj->ki", axes, self.record.forces[points]) / self.force_scale, mu)
+        rough, normal = np.repeat(mu > 0.0, 3), np.arange(3 * k) % 3 == 2
+        lower, upper = np.where(rough, -np.inf, 0.0), np.where(rough | normal, np.inf, 0.0)
+        cones = np.arange(3 * k).reshape(k, 3)[mu > 0.0]
+        for j in range(k):
+            for side, sign in ((0, 1.0), (1, -1.0)):
+                block = Unknowns(3 * k, 0.0, sign * (np.arange(3 * k) == 3 * j + 2), lower, upper, cones, mu[mu > 0.0])
+                found = interior_point(Conic.of({"forces": block}, [({"forces": A}, A @ x.ravel())]))
+                if found.miss <= _NEAR:
+                    out[j, side] = self.force_scale * found.x[3 * j + 2]
+        return out
+
+    def _known_friction(self, frame: int) -> Array:
+        points = self._points(frame)
+        mu = self.friction[points.start : points.stop]
+        for j in np.flatnonzero(np.isnan(mu)).tolist():
+            raise InputError(f"friction of point {j} in frame {frame} is not known; give it: rbd.audit(record, friction=0.5).")
+        return np.asarray(mu)
+
     def _points(self, frame: int) -> range:
         number = check_whole("frame", frame, self.record.n - 1, least=0)
         return range(int(self.record.starts[number]), int(self.record.starts[number + 1]))
@@ -204,12 +247,9 @@ class AuditReport(Displayed):
             rbd.NoSolution: as `rbd.solve`.
         """
         record, contacts = self.record, []
+        self._known_friction(frame)
         state = State(record.robot, record.q[frame], record.v[frame])
         for j, i in enumerate(self._points(frame)):
-            if np.isnan(self.friction[i]):
-                raise InputError(
-                    f"friction of point {j} in frame {frame} is not known; give it: rbd.audit(record, friction=0.5)."
-                )
             contacts.append(self._contact(state, f"point {j}", i))
         external = record.tau[frame] + self._pushes(state, frame)
         return solve(state, None, contacts, law=self.law, external=external)
@@ -272,6 +312,8 @@ class AuditReport(Displayed):
             told.append(f"{cause:<22}{frames:>8}{f'{size:.4g} {unit}':>14}  {f't = {record.t[i]:.4g} s':<14}{meaning}")
         most, scale = float(self.missing_scaled.max()), self.force_scale
         told.append(f"equation of motion: {most * scale:.3g} N missing at most, {most:.2g} of {scale:.4g} N")
+        if self.of_cause("balance").any() and self.impulse_missing.any():
+            told.append(f"momentum that no force accounts for: {np.array2string(self.impulse_missing, precision=4)} N s")
         told += [f"explained: {each.text}{_frames(each.frames, n)}" for each in self.explanations[:_LISTED]]
         if len(record.forces):
             frame, push, right = self.largest_push
@@ -283,7 +325,7 @@ class AuditReport(Displayed):
         told += [f"surface: {each}" for each in self.softness[:_LISTED]]
         loose = max(self.loose(i) for i in np.unique(np.linspace(0, n - 1, _TRIED).astype(int)).tolist())
         if loose:
-            told.append(f"forces are not unique: up to {loose} of their numbers leave the motion as it is")
+            told.append(f"forces are not unique: up to {loose} of their numbers leave the motion as it is; report.ranges(i)")
         told.append(f"thresholds: {', '.join(f'{name} {value:g}' for name, value in vars(limits).items())}")
         return "\n".join([*told, *(f"note: {note}" for note in record.notes)])
 

@@ -107,6 +107,23 @@ class TestExactAnswers:
         assert audit(standing("talos", 1, 3)).loose(0) == 12
         assert audit(standing("solo12", 1, 3)).loose(0) == 0
 
+    def test_ranges_of_forces_are_those_of_the_answer(self):
+        """A box on four corners: the record's ranges are those that `solution.uniqueness` proves."""
+        box = rbd.testing.box(mass=10.0)
+        floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.1), friction=0.6, on=0.0)
+        push = rbd.ExternalForce("box", (10.0, 5.0, 0.0))
+        solution = rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [floor], external=[push])
+        corners = solution.uniqueness().contacts["floor"].corners
+        found = audit(rbd.audits.from_solutions([solution])).ranges(0)
+        assert found == pytest.approx(np.array([[each.lowest, each.highest] for each in corners]), abs=1e-4)
+        assert (found[:, 1] - found[:, 0] > 10.0).all()
+
+    def test_unique_forces_have_no_range(self):
+        """Four feet that are points."""
+        report = audit(standing("solo12", 1, 3))
+        for side in (0, 1):
+            assert report.ranges(0)[:, side] == pytest.approx(report.laws.push, abs=1e-4)
+
 
 class TestPlantedFaults:
     """In twenty scenes, each named with its contact."""
