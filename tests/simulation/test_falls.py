@@ -62,7 +62,7 @@ def test_pairs_that_cannot_have_come_near_change_no_bit(monkeypatch):
 
     def fold() -> rbd.Trajectory:
         contacts = rbd.CollisionContacts("own", state.robot, friction=0.6, ground=False, pairs=True)
-        return rbd.simulate(state, [contacts], duration=0.03, step=1e-3, progress=False)
+        return rbd.simulate(state, [contacts], duration=0.02, step=1e-3, progress=False)
 
     monkeypatch.setattr(Between, "_asked", counted)
     quick = fold()
