@@ -43,7 +43,12 @@ class DrakeRobot(CheckedModel):
             child = int(joint.child_body().index())
             carriers[child] = self._hung(model, joint, carriers[int(joint.parent_body().index())])
             to_do += below.pop(child, [])
-        self.names = {index: plant.get_body(_index(plant, index)).scoped_name().get_full() for index in carriers}
+        bodies = {index: plant.get_body(_index(plant, index)) for index in carriers}
+        short = [body.name() for body in bodies.values()]
+        self.names = {
+            index: body.name() if short.count(body.name()) == 1 else body.scoped_name().get_full()
+            for index, body in bodies.items()
+        }
         self.names[int(plant.world_body().index())] = WORLD
         for index, (joint_id, X) in carriers.items():
             if index == int(plant.world_body().index()):
@@ -93,7 +98,7 @@ class DrakeRobot(CheckedModel):
         return added, back
 
 
-def from_drake(plant: Any, context: Any) -> Record:
+def from_drake(plant: Any, context: Any, *, robot: CheckedModel | None = None) -> Record:
     """The record of Drake's contact forces in the step that a discrete plant has taken, or will take, at a context.
 
     Outputs of a discrete plant are sampled, unless `plant.SetUseSampledOutputPorts(False)` was called: they belong to the step
@@ -104,6 +109,7 @@ def from_drake(plant: Any, context: Any) -> Record:
     Args:
         plant: A finalized `pydrake.multibody.plant.MultibodyPlant`, discrete in time.
         context: Its context, within that of a diagram with a scene graph; several of them for several frames.
+        robot: The same robot, with joints and bodies of the same names; None: what the plant says.
 
     Raises:
         InputError: pydrake is not installed, or no such plant.
@@ -128,19 +134,19 @@ def from_drake(plant: Any, context: Any) -> Record:
         raise InputError(f"plant is {plant!r:.80}; expected a MultibodyPlant of pydrake.")
     if not plant.time_step() > 0.0:
         raise Unsupported("the plant is continuous in time; expected a discrete one: MultibodyPlant(time_step=0.001).")
-    robot, h, sampled = DrakeRobot(plant), plant.time_step(), plant.has_sampled_output_ports()
+    own, h, sampled = DrakeRobot(plant), plant.time_step(), plant.has_sampled_output_ports()
     contexts = list(context) if isinstance(context, Sequence) else [context]
     n = len(contexts)
-    t, q, (v, a, tau) = np.zeros(n), np.zeros((n, robot.nq)), np.zeros((3, n, robot.nv))
+    t, q, (v, a, tau) = np.zeros(n), np.zeros((n, own.nq)), np.zeros((3, n, own.nv))
     lists: dict[str, list[Any]] = {
         name: [] for name in ("contact_at", "contact_bodies", "points", "normals", "friction", "forces", "gaps")
     }
-    damping = np.zeros(robot.nv)
+    damping = np.zeros(own.nv)
     for i in plant.GetJointIndices():
         joint = plant.get_joint(i)
         if joint.num_velocities() == 1 and hasattr(joint, "default_damping"):
-            damping[robot.columns[1][joint.velocity_start()]] = joint.default_damping()
-    B, (at_q, at_v) = plant.MakeActuationMatrix(), robot.columns
+            damping[own.columns[1][joint.velocity_start()]] = joint.default_damping()
+    B, (at_q, at_v) = plant.MakeActuationMatrix(), own.columns
     for frame, each in enumerate(contexts):
         q_now, v_now = np.array(plant.GetPositions(each)), np.array(plant.GetVelocities(each))
         rate = np.array(plant.get_generalized_acceleration_output_port().Eval(each))
@@ -152,13 +158,13 @@ def from_drake(plant: Any, context: Any) -> Record:
         t[frame], q[frame, at_q], v[frame, at_v], a[frame, at_v] = each.get_time() - sampled * h, q_now, v_now, rate
         tau[frame, at_v] = B @ plant.get_net_actuation_output_port().Eval(each)
         tau[frame, at_v] -= damping[at_v] * after
-        _add_contacts(plant, each, robot, frame, lists)
-    _to_order(robot, q)
+        _add_contacts(plant, each, own, frame, lists)
     points: dict[str, Any] = {name: np.array(x) for name, x in lists.items()} if lists["contact_at"] else {}
     limits = "limits and constraints of joints, where they act, are missing in the balance"
-    return Record.of_arrays(
-        robot, t=t, q=q, v=v, a=a, tau=tau, step=h, base_velocity="world", engine=_engine(plant), notes=[limits], **points
+    record = Record.of_arrays(
+        own, t=t, q=q, v=v, a=a, tau=tau, step=h, base_velocity="world", engine=_engine(plant), notes=[limits], **points
     )  # fmt: skip
+    return record if robot is None else record.on(robot)
 
 
 def _before(plant: Any, context: Any, q: Array, v: Array, h: float) -> Array:
@@ -194,14 +200,6 @@ def _friction(inspector: Any, geometry: Any) -> float:
     """Dynamic friction, the only one that discrete plants use."""
     given = inspector.GetProximityProperties(geometry)
     return float(given.GetProperty("material", "coulomb_friction").dynamic_friction())
-
-
-def _to_order(robot: DrakeRobot, q: Array) -> None:
-    """Quaternions of unit length."""
-    for piece in robot.joints.pieces:
-        if piece.kind == "space":
-            unit = q[:, piece.q + 3 : piece.q + 7]
-            unit /= np.linalg.norm(unit, axis=1)[:, None]
 
 
 def _pose(X: Any) -> pin.SE3:

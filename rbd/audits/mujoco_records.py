@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, lazy
+from rbd.arrays import as_finite, lazy
 from rbd.audits.record import Record
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -28,22 +28,22 @@ class MujocoRobot(CheckedModel):
     """
 
     def __init__(self, model: Any, name: str = "MuJoCo model") -> None:
-        self._mjcf: Mjcf = of_compiled(model, name)
+        self.names: Mjcf = of_compiled(model, name)
         driven = {
             int(joint) for kind, joint in zip(model.actuator_trntype, model.actuator_trnid[:, 0], strict=True) if kind == 0
         }
-        passive = [joint for j, joint in enumerate(self._mjcf.joints) if j not in driven and model.jnt_type[j] != _FREE]
-        super().__init__(build(self._mjcf), passive=passive, name=name)
+        passive = [joint for j, joint in enumerate(self.names.joints) if j not in driven and model.jnt_type[j] != _FREE]
+        super().__init__(build(self.names), passive=passive, name=name)
 
     @lazy
     def visual_model(self) -> pin.GeometryModel:
         """What MuJoCo's viewer shows."""
-        return mjcf_geometry(self.model, self._mjcf, pin.GeometryType.VISUAL)[0]
+        return mjcf_geometry(self.model, self.names, pin.GeometryType.VISUAL)[0]
 
     @lazy
     def collision_model(self) -> pin.GeometryModel:
         """What can collide."""
-        return mjcf_geometry(self.model, self._mjcf, pin.GeometryType.COLLISION)[0]
+        return mjcf_geometry(self.model, self.names, pin.GeometryType.COLLISION)[0]
 
 
 def from_mujoco(model: Any, data: Any, *, control: object = None, robot: CheckedModel | None = None) -> Record:
@@ -77,27 +77,22 @@ def from_mujoco(model: Any, data: Any, *, control: object = None, robot: Checked
     mujoco = of_extra("mujoco", "mujoco")
     if not isinstance(model, mujoco.MjModel):
         raise InputError(f"model is {model!r:.80}; expected a mujoco.MjModel.")
-    owner = MujocoRobot(model) if robot is None else robot
-    names = of_compiled(model, "MuJoCo model")
-    columns = _columns(model, names, owner)
-    frames = list(_frames(mujoco, model, _states(mujoco, model, data, control), names))
+    own = MujocoRobot(model)
+    frames = list(_frames(mujoco, model, _states(mujoco, model, data, control), own.names))
     arrays: dict[str, Any] = {name: np.array([frame[name] for frame in frames]) for name in ("t", "q", "v", "a", "tau")}
     counts = [len(frame["points"]) for frame in frames]
     points = {name: np.concatenate([frame[name] for frame in frames]) for name in _POINTS}
     pushes = {name: np.concatenate([frame[name] for frame in frames]) for name in _PUSHES}
-    for name, which in (("q", columns[0]), ("v", columns[1]), ("a", columns[1]), ("tau", columns[1])):
-        moved = np.zeros((len(frames), owner.nq if name == "q" else owner.nv))
-        moved[:, which] = arrays[name]
-        arrays[name] = moved
     notes = ["moments of contacts with condim 4 or 6 are among the known forces"] if (points.pop("condim") > 3).any() else []
     if model.ntendon and np.asarray(model.tendon_armature).any():
         notes.append("inertia of tendons is not in M")
-    return Record.of_arrays(
-        owner, **arrays, **points, **pushes, contact_at=np.repeat(np.arange(len(frames)), counts),
+    record = Record.of_arrays(
+        own, **arrays, **points, **pushes, contact_at=np.repeat(np.arange(len(frames)), counts),
         push_at=np.repeat(np.arange(len(frames)), [len(frame["push_points"]) for frame in frames]),
         step=float(model.opt.timestep), quaternion="wxyz", base_velocity="mixed",
         engine=f"MuJoCo {mujoco.__version__}", notes=notes,
     )  # fmt: skip
+    return record if robot is None else record.on(robot)
 
 
 _POINTS = ("contact_bodies", "points", "axes", "friction", "forces", "gaps", "condim")
@@ -160,22 +155,3 @@ def _frames(mujoco: Any, model: Any, states: Iterator[Any], names: Mjcf) -> Iter
             "push_points": d.xipos[pushed].reshape(-1, 3), "push_forces": d.xfrc_applied[pushed, :3].reshape(-1, 3),
             "push_moments": d.xfrc_applied[pushed, 3:].reshape(-1, 3),
         }  # fmt: skip
-
-
-def _columns(model: Any, names: Mjcf, robot: CheckedModel) -> tuple[Array, Array]:
-    """Where each of MuJoCo's positions and velocities is in the robot's q and v, by the joints' names."""
-    q, v = np.zeros(model.nq, int), np.zeros(model.nv, int)
-    for j, name in enumerate(names.joints):
-        kind = int(model.jnt_type[j])
-        if kind == _FREE and name not in robot.joints and robot.floating:
-            name = next(iter(robot.joints))  # a URDF's free root has no name of its own
-        joint = robot.joints[name]
-        nq, nv = {_FREE: (7, 6), _BALL: (4, 3)}.get(kind, (1, 1))
-        at, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
-        if (joint.nq, joint.nv) != (nq, nv):
-            raise InputError(f"joint {name!r:.80} has {joint.nq} positions in {robot.name} and {nq} in MuJoCo's model.")
-        q[at : at + nq] = np.arange(joint.q.start, joint.q.stop)
-        v[dof : dof + nv] = np.arange(joint.v.start, joint.v.stop)
-    if len(q) != robot.nq or len(v) != robot.nv:
-        raise InputError(f"{robot.name} has {robot.nq} positions, MuJoCo's model {len(q)}; expected the same joints.")
-    return q, v

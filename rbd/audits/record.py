@@ -305,6 +305,33 @@ class Record(Displayed):
             fields |= {name: fields[name][kept] for name in names} | {at: number[kept]}
         return Record(**fields)
 
+    def on(self, robot: CheckedModel) -> Record:
+        """The same motion on another model of the robot, by the names of its joints and bodies.
+
+        A free body of another name becomes the floating base. For two engines side by side, or an engine's model and a URDF.
+
+        Raises:
+            InputError: joints, or bodies that touch, that the other model does not have, or has of another kind.
+        """
+        check_kind("robot", robot, CheckedModel, "rbd.load_robot('g1')")
+        q, v = np.zeros(robot.nq, int), np.zeros(robot.nv, int)
+        taken: set[str] = set()
+        for name, joint in self.robot.joints.items():
+            base = joint.kind == "FreeFlyer" and name not in robot.joints and robot.floating
+            other = robot.joints[next(iter(robot.joints)) if base else name]
+            if (other.nq, other.nv) != (joint.nq, joint.nv):
+                raise InputError(f"joint {name!r:.80} has {joint.nq} numbers in q, and {other.nq} in {robot.name}.")
+            q[other.q], v[other.v] = np.arange(joint.q.start, joint.q.stop), np.arange(joint.v.start, joint.v.stop)
+            taken.add(other.name)
+        if left := [name for name in robot.joints if name not in taken]:
+            raise InputError(f"joint {left[0]!r:.80} of {robot.name} is not in {self.robot.name}; expected the same joints.")
+        names = np.array(self.bodies)
+        arrays = {name: getattr(self, name) for name in ("t", "step", "contact_at", "push_at", *_CONTACT, *_PUSH)}
+        return Record.of_arrays(
+            robot, q=self.q[:, q], v=self.v[:, v], a=self.a[:, v], tau=self.tau[:, v], **arrays, engine=self.engine,
+            contact_bodies=names[self.contact_bodies], push_bodies=names[self.push_bodies], notes=self.notes,
+        )  # fmt: skip
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as .npz, in the layout that `Record.read` and other engines use (docs: *Audit of other engines*).
 

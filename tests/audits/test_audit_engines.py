@@ -228,6 +228,19 @@ class TestDrake:
             from_drake(MultibodyPlant(0.0), None)
 
 
+def test_two_engines_on_one_robot(launched):
+    """By the names of joints and bodies; the same residual."""
+    ours = launched["rbd"].robot
+    for way in ("MuJoCo, elliptic", "Drake, SAP"):
+        record = launched[way].on(ours)
+        assert record.robot is ours and record.pair(0) == "box"
+        assert audit(record).missing_scaled == pytest.approx(audit(launched[way]).missing_scaled, abs=1e-12)
+    with pytest.raises(rbd.errors.JointNotFound, match="no joint 'box_free' in panda"):
+        launched["MuJoCo, elliptic"].on(rbd.load_robot("panda", root="fixed"))
+    with pytest.raises(rbd.InputError, match="of solo12 is not in MuJoCo model"):
+        launched["MuJoCo, elliptic"].on(rbd.load_robot("solo12"))
+
+
 def test_friction_of_another_coefficient_is_judged():
     """The same record, judged by half its friction: forces outside of the cone."""
     record = by_mujoco("elliptic").some(range(80))
