@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.audits.record import WORLD, Record
+from rbd.audits.record import WORLD, Record, unit_of
 from rbd.errors import InputError, Unsupported
 from rbd.model.checked_model import CheckedModel
 from rbd.modules import of_extra
@@ -156,6 +156,9 @@ def from_drake(plant: Any, context: Any, *, robot: CheckedModel | None = None) -
         else:
             after = v_now + h * rate
         t[frame], q[frame, at_q], v[frame, at_v], a[frame, at_v] = each.get_time() - sampled * h, q_now, v_now, rate
+        for piece in own.joints.pieces:  # steps of 2 ms leave quaternions of another length
+            unit = q[frame, unit_of(piece)]
+            unit /= max(float(np.linalg.norm(unit)), 1e-300) if unit.size else 1.0
         tau[frame, at_v] = B @ plant.get_net_actuation_output_port().Eval(each)
         tau[frame, at_v] -= damping[at_v] * after
         _add_contacts(plant, each, own, frame, lists)
