@@ -32,7 +32,7 @@ control
 simulation
 planar
 motion
-planning
+audits planning
 visual testing studies
 cli
 __main__

@@ -1,0 +1,12 @@
+"""A bench of friction problems: readers and writers of public formats, problems of humanoids, answers by recomputed residual."""
+
+from functools import partial as _partial
+
+from rbd.audits.bench.files import read, write
+from rbd.audits.bench.friction import FrictionAnswer, FrictionProblem, solve
+from rbd.modules import submodule as _submodule
+
+__all__ = ["FrictionAnswer", "FrictionProblem", "read", "solve", "write"]
+
+
+__getattr__ = _partial(_submodule, __name__)

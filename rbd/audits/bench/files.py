@@ -1,0 +1,315 @@
+"""Files of friction problems: FCLIB's HDF5 and Siconos' text forms, read and written. Nothing in them is executed.
+
+Sizes come first: a file of more than `LARGEST` bytes is not opened, and every count is compared with what the file can hold
+before memory is taken. Text: dimension, number of contacts, W (of a global problem M, then H), q (f, then w), mu, and mu_r of
+rolling; a number may follow. A matrix is dense or of blocks. HDF5: groups `fclib_local` and `fclib_global`, here with
+`vectors/mu_r` for rolling, `solution`, `guesses`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.audits.bench.friction import FrictionAnswer, FrictionProblem
+from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
+
+LARGEST = 1 << 28
+"""Bytes of a file, and entries of what it holds, at most."""
+_MOST_ROWS = 1_000_000
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_MOST_GUESSES = 100
+
+
+def read(path: str | Path) -> FrictionProblem:
+    """The friction problem of a file, FCLIB's HDF5 or Siconos' text, by its first bytes.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: no such file; one that is too large; a field that is missing, of another size, or no number: by its name.
+            h5py is not installed (extra `bench`).
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size if path.is_file() else -1
+        if size < 0 or size > LARGEST:
+            raise InputError(f"{path.name}: {'no such file' if size < 0 else f'{size} bytes'}; expected at most {LARGEST} bytes.")
+        with path.open("rb") as file:
+            start = file.read(len(_HDF5))
+        return _of_hdf5(path) if start == _HDF5 else _of_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} cannot be read: {error}.") from error
+
+
+# ----------------------------------------------------------------------------------------------------------------------- text
+
+
+class _Words:
+    """The words of a text, taken in order, each with the name of its field."""
+
+    def __init__(self, path: Path) -> None:
+        self.name, self.words, self.at = path.name, path.read_text("ascii").split(), 0
+
+    def numbers(self, what: str, count: int) -> Array:
+        if count > len(self.words) - self.at:
+            raise InputError(f"{self.name}: {what} has {count} numbers, and {len(self.words) - self.at} are left in the file.")
+        try:
+            out = np.array(self.words[self.at : self.at + count], dtype=float)
+        except ValueError as error:
+            raise InputError(f"{self.name}: {what}: {error}.") from error
+        self.at += count
+        return out
+
+    def counts(self, what: str, count: int, most: int = _MOST_ROWS) -> Array:
+        out = self.numbers(what, count)
+        if not ((out >= 0) & (out <= most) & (out == np.floor(out))).all():
+            raise InputError(f"{self.name}: {what} is {out[:4].tolist()}; expected whole numbers from 0 to {most}.")
+        return out.astype(int)
+
+    def count(self, what: str, most: int = _MOST_ROWS) -> int:
+        return int(self.counts(what, 1, most)[0])
+
+    def matrix(self, what: str) -> Any:
+        """A dense matrix by rows, or one of blocks, each by columns, which are numbered row by row."""
+        from scipy.sparse import coo_array, csr_array
+
+        kind, m, n = self.counts(f"{what}: kind of storage, rows, columns", 3)
+        if kind == 0:
+            again = self.counts(f"{what}: rows and columns", 2)
+            if again.tolist() != [m, n]:
+                raise InputError(f"{self.name}: {what} has {m} x {n} entries, and then {again[0]} x {again[1]}.")
+            return csr_array(self.numbers(f"{what}: entries", int(m) * int(n)).reshape(m, n))
+        if kind != 1:
+            raise InputError(f"{self.name}: {what} is stored as kind {kind}; expected 0, dense, or 1, of blocks.")
+        count, *sides = self.counts(f"{what}: blocks, block rows, block columns", 3).tolist()
+        ends = [np.r_[0, self.counts(f"{what}: ends of block {part}", side)] for part, side in zip(("rows", "columns"), sides, strict=True)]
+        for end, size, part in zip(ends, (m, n), ("rows", "columns"), strict=True):
+            if end[-1] != size or (np.diff(end) < 0).any():
+                raise InputError(f"{self.name}: {what}: blocks of {part} end at {end[-1]}; expected to ascend to {size}.")
+        filled, entries = self.counts(f"{what}: row pointers, blocks", 2).tolist()
+        first = self.counts(f"{what}: row pointers", filled)
+        column = self.counts(f"{what}: block columns", entries, max(sides[1] - 1, 0))
+        if entries != count or filled != sides[0] + 1 or first[0] != 0 or first[-1] != count or (np.diff(first) < 0).any():
+            raise InputError(f"{self.name}: {what}: row pointers do not ascend from 0 to {count} blocks.")
+        row = np.repeat(np.arange(sides[0]), np.diff(first))
+        parts: list[tuple[Array, Array, Array]] = [(np.zeros(0), np.zeros(0, int), np.zeros(0, int))]
+        for k, (i, j) in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
+            if self.count(f"{what}: number of block {k}") != k:
+                raise InputError(f"{self.name}: {what}: block {k} has another number.")
+            high, wide = (int(end[at + 1] - end[at]) for end, at in zip(ends, (i, j), strict=True))
+            I, J = np.meshgrid(ends[0][i] + np.arange(high), ends[1][j] + np.arange(wide))  # by columns
+            parts.append((self.numbers(f"{what}: block {k}", high * wide), I.ravel(), J.ravel()))
+        data, I, J = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return csr_array(coo_array((data, (I, J)), (m, n)))
+
+
+def _of_text(path: Path) -> FrictionProblem:
+    text = _Words(path)
+    dim = text.count("dimension", 5)
+    k = text.count("number of contacts")
+    first = text.matrix("W or M")
+    size, left, given = dim * k, len(text.words) - text.at, dict[str, Any]()
+    rolling = k if dim == 5 else 0
+    # A local problem ends after q, mu, mu_r and perhaps a number; a global one has H, f and w.
+    if first.shape == (size, size) and left <= size + k + rolling + 1:
+        given.update(W=first, q=text.numbers("q", size))
+    else:
+        H = text.matrix("H")
+        given.update(M=first, H=H, f=text.numbers("f", first.shape[0]), w=text.numbers("w", size))
+    given["mu"] = text.numbers("mu", k)
+    if rolling:
+        given["mu_r"] = text.numbers("mu_r", k)
+    if len(text.words) - text.at > 1:
+        raise InputError(f"{path.name}: {len(text.words) - text.at} words follow mu; expected one number at most.")
+    return FrictionProblem(path.name, dim, **given)
+
+
+def _of_text_matrix(A: Any) -> list[str]:
+    m, n = A.shape
+    return ["0", str(m), str(n), f"{m}\t{n}", *(_line(row) for row in A.toarray())]
+
+
+def _line(values: Array) -> str:
+    return " ".join(f"{x:.17g}" for x in values)
+
+
+# ----------------------------------------------------------------------------------------------------------------------- HDF5
+
+
+def _h5py() -> Any:
+    try:
+        import h5py
+    except ImportError as error:
+        raise InputError(
+            "h5py is not installed here, and FCLIB's HDF5 files need it. Install the extra: pip install 'rbd-contact[bench]'"
+        ) from error
+    return h5py
+
+
+class _Group:
+    """A group of an HDF5 file: datasets by name, their sizes checked before they are read."""
+
+    def __init__(self, name: str, group: Any) -> None:
+        self.name, self.group = name, group
+
+    def numbers(self, what: str, *, kinds: str = "iuf") -> Array:
+        data = self.group.get(what, getlink=True)
+        if type(data).__name__ != "HardLink" or not hasattr(self.group[what], "dtype"):
+            raise InputError(f"{self.name}: {self.group.name}/{what} is missing; expected a dataset of numbers in the file itself.")
+        data = self.group[what]
+        if data.dtype.kind not in kinds or data.ndim > 1 or data.size > LARGEST // 8 or data.external or data.is_virtual:
+            raise InputError(f"{self.name}: {data.name} is {data.dtype} of shape {data.shape}; expected a list of numbers.")
+        return np.atleast_1d(data[()])
+
+    def count(self, what: str) -> int:
+        found = self.numbers(what, kinds="iu")
+        if found.shape != (1,) or not -2 <= found[0] <= LARGEST:
+            raise InputError(f"{self.name}: {self.group.name}/{what} is {found[:4]}; expected one whole number.")
+        return int(found[0])
+
+    def group_of(self, what: str) -> _Group | None:
+        link = self.group.get(what, getlink=True)
+        if link is None:
+            return None
+        if type(link).__name__ != "HardLink" or not hasattr(self.group[what], "keys"):
+            raise InputError(f"{self.name}: {self.group.name}/{what} is no group in the file itself.")
+        return _Group(self.name, self.group[what])
+
+    def matrix(self, what: str) -> Any:
+        from scipy.sparse import coo_array, csr_array
+
+        own = self.group_of(what)
+        if own is None:
+            raise InputError(f"{self.name}: {self.group.name}/{what} is missing; expected a matrix.")
+        m, n, nz = (own.count(each) for each in ("m", "n", "nz"))
+        p, i, x = (own.numbers(each, kinds=kinds) for each, kinds in (("p", "iu"), ("i", "iu"), ("x", "iuf")))
+        if not (0 <= m <= _MOST_ROWS and 0 <= n <= _MOST_ROWS):
+            raise InputError(f"{self.name}: {own.group.name} has {m} x {n} entries; expected at most {_MOST_ROWS} rows.")
+        if nz < 0:  # compressed rows (-2) or columns (-1)
+            lines = m if nz == -2 else n
+            if len(p) != lines + 1 or p[0] != 0 or (np.diff(p) < 0).any() or not p[-1] <= min(len(i), len(x)):
+                raise InputError(f"{self.name}: {own.group.name}/p has {len(p)} pointers; expected {lines + 1}, ascending from 0.")
+            nz, p = int(p[-1]), np.repeat(np.arange(lines), np.diff(p))
+            if own.count("nz") == -2:
+                p, i = i[:nz], p  # as triplets: columns p, rows i
+        if min(len(p), len(i), len(x)) < nz or len(p) != min(len(p), len(i)) and nz > len(i):
+            raise InputError(f"{self.name}: {own.group.name} has {len(p)}, {len(i)}, {len(x)} entries; expected {nz} each.")
+        p, i, x = p[:nz], i[:nz], x[:nz]
+        if nz and not (0 <= i.min() and i.max() < m and 0 <= p.min() and p.max() < n):
+            raise InputError(f"{self.name}: {own.group.name} has an index outside of its {m} x {n} entries.")
+        return csr_array(coo_array((x.astype(float), (i, p)), (m, n)))
+
+    def text(self, what: str) -> str:
+        data = self.group[what] if what in self.group else None
+        if data is None or getattr(data, "dtype", np.dtype(float)).kind not in "SO" or data.size != 1 or data.dtype.itemsize > 1 << 16:
+            return ""
+        raw = data[()]
+        return raw.decode("utf-8", "replace").strip("\0 \n") if isinstance(raw, bytes) else ""
+
+
+def _of_hdf5(path: Path) -> FrictionProblem:
+    with _h5py().File(path, "r") as file:
+        top = _Group(path.name, file)
+        kind = next((name for name in _KINDS if name in file), None)
+        own = None if kind is None else top.group_of(kind)
+        if own is None:
+            raise InputError(f"{path.name} holds {list(file)[:5]}; expected one of {', '.join(_KINDS)}.")
+        for what in ("G", "R", "V"):
+            if what in own.group:
+                raise InputError(f"{path.name}: {own.group.name}/{what}: equations beside the contacts are not read.")
+        vectors = own.group_of("vectors")
+        if vectors is None:
+            raise InputError(f"{path.name}: {own.group.name}/vectors is missing.")
+        given: dict[str, Any] = {}
+        if "M" in own.group:
+            given.update(M=own.matrix("M"), H=own.matrix("H"), f=vectors.numbers("f"), w=vectors.numbers("w"))
+        else:
+            given.update(W=own.matrix("W"), q=vectors.numbers("q" if "q" in vectors.group else "a"))  # "a" of FCLIB's first writer
+        given["mu"] = vectors.numbers("mu")
+        if "mu_r" in vectors.group:
+            given["mu_r"] = vectors.numbers("mu_r")
+        info = own.group_of("info")
+        about = "" if info is None else "\n".join(filter(None, (info.text("title"), info.text("description"))))
+        size, known = own.count("spacedim") * len(given["mu"]), dict[str, Array]()
+        for name, group in [("solution", top.group_of("solution")), *_guesses(top)]:
+            if group is not None:
+                r = group.numbers("r").astype(float)
+                if r.shape != (size,):
+                    raise InputError(f"{path.name}: {group.group.name}/r has {len(r)} numbers; expected {size}.")
+                known[name] = r
+        return FrictionProblem(path.name, own.count("spacedim"), about=about, known=known, **given)
+
+
+_KINDS = ("fclib_local", "fclib_global", "fclib_local_rolling", "fclib_global_rolling")
+
+
+def _guesses(top: _Group) -> list[tuple[str, _Group | None]]:
+    own = top.group_of("guesses")
+    if own is None:
+        return []
+    count = min(own.count("number_of_guesses"), _MOST_GUESSES)
+    return [(f"guess {i + 1}", own.group_of(str(i + 1))) for i in range(count)]
+
+
+# -------------------------------------------------------------------------------------------------------------------- writing
+
+
+def write(path: str | Path, problem: FrictionProblem, answer: FrictionAnswer | None = None) -> Path:
+    """The path of a problem written to a new file: HDF5 if its name ends in .hdf5 or .h5, else text.
+
+    Args:
+        path: The file; an existing one is replaced.
+        problem: The problem.
+        answer: Stored as the group `solution`, with r, u, and v of a global problem; a text has no place for it.
+
+    Raises:
+        InputError: an answer for a text, or one of another problem; a file that cannot be written.
+    """
+    path = Path(path)
+    check_kind("problem", problem, FrictionProblem, "a FrictionProblem")
+    hdf5 = path.suffix in (".hdf5", ".h5")
+    if answer is not None and (answer.problem is not problem or not hdf5):
+        raise InputError(f"{path.name}: an answer is stored with its own problem, in an .hdf5 file.")
+    save: Callable[[], object] = (lambda: _save_hdf5(path, problem, answer)) if hdf5 else (lambda: _save_text(path, problem))
+    try:
+        save()
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error}.") from error
+    return path
+
+
+def _save_text(path: Path, P: FrictionProblem) -> None:
+    if P.M is None:
+        parts = [*_of_text_matrix(P.W), _line(P.free)]
+    else:
+        assert P.f is not None and P.w is not None
+        parts = [*_of_text_matrix(P.M), *_of_text_matrix(P.H), _line(P.f), _line(P.w)]
+    rolling = [] if P.mu_r is None else [_line(P.mu_r)]
+    path.write_text("\n".join([str(P.dim), str(len(P.mu)), *parts, _line(P.mu), *rolling]) + "\n", "ascii")
+
+
+def _save_hdf5(path: Path, P: FrictionProblem, answer: FrictionAnswer | None) -> None:
+    with _h5py().File(path, "w") as file:
+        kind = ("fclib_local" if P.M is None else "fclib_global") + ("" if P.mu_r is None else "_rolling")
+        own = file.create_group(kind)
+        own["spacedim"] = np.array([P.dim], np.int32)
+        for what in ("W",) if P.M is None else ("M", "H"):
+            A, group = getattr(P, what).tocsr(), own.create_group(what)
+            for name, value in (("m", A.shape[0]), ("n", A.shape[1]), ("nz", -2), ("nzmax", A.nnz)):
+                group[name] = np.array([value], np.int32)
+            group["p"], group["i"], group["x"] = A.indptr.astype(np.int32), A.indices.astype(np.int32), A.data
+        for what in ("q", "f", "w", "mu", "mu_r"):
+            if getattr(P, what) is not None:
+                own[f"vectors/{what}"] = getattr(P, what)
+        own["info/title"], own["info/description"] = np.bytes_(P.name.encode()), np.bytes_(P.about.encode() or b" ")
+        if answer is not None:
+            file["solution/r"], file["solution/u"] = answer.r, answer.u
+            if P.M is not None:
+                file["solution/v"] = answer.v

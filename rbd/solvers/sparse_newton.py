@@ -1,0 +1,175 @@
+"""Semismooth Newton on sparse problems of contact: hundreds of contacts between many bodies, under Coulomb's law.
+
+    find w in the product of the parts, y = D w + q paired with it:  w = P(w - y)
+
+as in `rbd.solvers.newton`, with a D that has few entries: two contacts are coupled only where they share a body. First come
+single columns between bounds, then cones of d columns each: discs of radius mu times the normal force, and the normal last.
+(t, n) is a contact in the plane, (t, t, n) one in space, (t, t, m, m, n) one that resists rolling by a second disc.
+
+Gauss-Seidel over the contacts finds which are open, stick and slip [Jourdan1998]; Newton's method then ends at rounding. Where
+contacts are redundant D is singular, and Newton is applied to D + k 1 about the weights before (the proximal-point method),
+whose answers tend to one of the problem itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array, max_abs
+
+EXACT = 1e-14
+FOUND = 1e-12
+"""Largest entry of |w - P(w - y)|, over the largest weight and 1, of an answer."""
+_ROUNDS = 8
+_SWEEPS = 50
+_PROXIMAL = 1e-9
+_COMPLIANCES = (1e-3, 1e-5, 1e-7)
+
+
+@dataclass(frozen=True, eq=False)
+class SparseProblem:
+    """The problem of y = D w + q, scaled so that each part's largest diagonal entry of D is one and max |q| is one.
+
+    Attributes:
+        D: Shape (p, p), scipy.sparse.csr_array.
+        q: Shape (p,).
+        lower: Bounds of the n single columns.
+        upper: Their upper bounds.
+        mu: Frictions of the discs of each cone, shape (k, 2); the second is unused where there is one disc.
+        unit: Weights are `unit` times scaled weights, shape (p,).
+    """
+
+    D: Any
+    q: Array
+    lower: Array
+    upper: Array
+    mu: Array
+    unit: Array
+
+    @classmethod
+    def of(cls, D: Any, q: Array, mu: Array, lower: Array | None = None, upper: Array | None = None) -> SparseProblem:
+        """The scaled problem.
+
+        Args:
+            D: Accelerations of unit weights, sparse, shape (p, p).
+            q: Accelerations without weights, shape (p,).
+            mu: Shape (k, 2).
+            lower: Bounds of the singles; None: there are none.
+            upper: Upper bounds.
+        """
+        from scipy.sparse import csr_array, diags_array
+
+        lower, upper = (np.zeros(0) if x is None else x for x in (lower, upper))
+        n, k, size = len(lower), len(mu), np.abs(D.diagonal())
+        size[n:] = np.repeat(size[n:].reshape(k, -1).max(axis=1, initial=0.0), (len(q) - n) // max(k, 1))
+        s = 1.0 / np.sqrt(np.maximum(size, 1e-12 * max_abs(size) or 1.0))
+        ends = np.concatenate([lower / s[:n], upper / s[:n]])
+        rate = max(max_abs(s * q), max_abs(ends[np.isfinite(ends)])) or 1.0
+        scaled = csr_array(diags_array(s) @ D @ diags_array(s))
+        scaled.sort_indices()
+        return cls(scaled, s * q / rate, ends[:n] / rate, ends[n:] / rate, mu, s * rate)
+
+    def gap(self, w: Array, y: Array) -> tuple[Array, Array]:
+        """(P(w - y) - w, slopes of P: 1 or 0 of each single and a block of each cone, shape (n + k d^2,))."""
+        n, k, p = len(self.lower), len(self.mu), w - y
+        out = np.minimum(np.maximum(p[:n], self.lower), self.upper)
+        C = p[n:].reshape(k, -1)
+        d = C.shape[1]
+        N, O, V = np.maximum(C[:, -1], 0.0), np.empty_like(C), np.zeros((k, d, d))
+        O[:, -1], V[:, -1, -1] = N, C[:, -1] > 0.0
+        for at in range(0, d - 1, 2):
+            disc = slice(at, min(at + 2, d - 1))
+            T, mu = C[:, disc], self.mu[:, at // 2]
+            t = np.maximum(np.sqrt((T * T).sum(axis=1)), 1e-200)
+            e, factor = T / t[:, None], np.minimum(mu * N / t, 1.0)
+            slips = factor < 1.0
+            O[:, disc] = factor[:, None] * T
+            V[:, disc, disc] = factor[:, None, None] * (np.eye(T.shape[1]) - slips[:, None, None] * e[:, :, None] * e[:, None])
+            V[:, disc, -1] = (mu * slips * (N > 0.0))[:, None] * e
+        inside = (p[:n] > self.lower) & (p[:n] < self.upper)
+        return np.concatenate([out, O.ravel()]) - w, np.concatenate([inside, V.ravel()])
+
+    def merit(self, w: Array) -> float:
+        """Largest entry of |w - P(w - y)|, over the largest weight and 1."""
+        return max_abs(self.gap(w, self.D @ w + self.q)[0]) / max(1.0, max_abs(w))
+
+    def newton(self, w: Array, *, soft: float = 0.0, proximal: float = _PROXIMAL, iterations: int = 30) -> tuple[Array, float, int]:
+        """(weights, largest entry of their gap, steps) of damped steps, parts yielding by `soft` times what w changes by."""
+        from scipy.sparse import block_array, bsr_array, csc_array, diags_array, eye_array
+        from scipy.sparse.linalg import splu
+
+        n, k, about = len(self.lower), len(self.mu), w
+        d, identity = (len(w) - n) // max(k, 1), eye_array(len(w), format="csr")
+        shifted = self.D + (soft + proximal - 1.0) * identity
+        gap, slopes = self.gap(w, self.D @ w + self.q)
+        best, least, step = w, max_abs(gap), 0
+        while step < iterations and least > EXACT * max(1.0, max_abs(w)):
+            cones = bsr_array((slopes[n:].reshape(k, d, d), np.arange(k), np.arange(k + 1)), shape=(k * d, k * d))
+            V = cones if not n else block_array([[diags_array(slopes[:n]), None], [None, cones]]) if k else diags_array(slopes)
+            try:
+                move = splu(csc_array(identity + V @ shifted)).solve(gap)
+            except RuntimeError:  # singular
+                break
+            if not np.isfinite(move).all():
+                break
+            before, t = gap @ gap, 1.0
+            for _ in range(7):
+                new = w + t * move
+                gap, slopes = self.gap(new, self.D @ new + self.q + soft * (new - about))
+                if gap @ gap <= before * (1.0 - 1e-4 * t):
+                    break
+                t *= 0.5
+            w, step = new, step + 1
+            if max_abs(gap) < least:
+                best, least = w, max_abs(gap)
+            elif before < 1e-22:  # rounding
+                break
+        return best, least, step
+
+    def sweeps(self, w: Array, count: int) -> Array:
+        """Weights after Gauss-Seidel sweeps."""
+        from rbd.solvers.sparse_newton_kernel import sweeps
+
+        n, k, D = len(self.lower), len(self.mu), self.D
+        d = (len(w) - n) // max(k, 1)
+        row, column = np.repeat(np.arange(len(w)), np.diff(D.indptr)), D.indices
+        own = np.where(row < n, row, (row - n) // d + n) == np.where(column < n, column, (column - n) // d + n)
+        sums = np.bincount(row[own], np.abs(D.data[own]), len(w))  # Gershgorin
+        rates = np.concatenate([sums[:n], sums[n:].reshape(k, -1).max(axis=1, initial=0.0)])
+        out = w.copy()
+        sweeps(
+            D.indptr.astype(np.int64), D.indices.astype(np.int64), D.data, self.q, 1.0 / np.maximum(rates, 1e-12),
+            self.lower, self.upper, np.ascontiguousarray(self.mu), out, count,
+        )  # fmt: skip
+        return out
+
+
+def solve_sparse(problem: SparseProblem, w: Array | None = None, *, rounds: int = _ROUNDS) -> tuple[Array, float, int]:
+    """(scaled weights, merit, Newton's steps): the best found from a guess, zero by default.
+
+    Args:
+        problem: The scaled problem.
+        w: Where to start, shape (p,).
+        rounds: Of sweeps and steps, each with twice the sweeps of the one before.
+    """
+    w = np.zeros(len(problem.q)) if w is None else w
+    best, least, steps = w, problem.merit(w), 0
+    for i in range(rounds):
+        w = problem.sweeps(w, _SWEEPS << i)
+        for compliance in (0.0, *_COMPLIANCES):
+            at = w
+            for _ in range(8 if compliance else 1):
+                at, _, more = problem.newton(at, soft=compliance, proximal=0.0 if compliance else _PROXIMAL)
+                steps += more
+                merit = problem.merit(at)
+                if not merit < least:
+                    break
+                best, least = at, merit
+                if least <= FOUND:
+                    return best, least, steps
+        w = w if least == math.inf else w
+    return best, least, steps
