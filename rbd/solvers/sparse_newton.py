@@ -22,11 +22,12 @@ import numpy as np
 from rbd.arrays import Array, max_abs
 
 EXACT = 1e-14
-FOUND = 1e-12
+FOUND = 1e-13
 """Largest entry of |w - P(w - y)|, over the largest weight and 1, of an answer."""
 _ROUNDS = 8
 _SWEEPS = 50
 _PROXIMAL = 1e-9
+_PROXIMAL_ROUNDS = 8
 _COMPLIANCES = (1e-3, 1e-5, 1e-7)
 
 
@@ -161,15 +162,15 @@ def solve_sparse(problem: SparseProblem, w: Array | None = None, *, rounds: int 
     for i in range(rounds):
         w = problem.sweeps(w, _SWEEPS << i)
         for compliance in (0.0, *_COMPLIANCES):
-            at = w
-            for _ in range(8 if compliance else 1):
+            at, before = w, math.inf
+            for _ in range(_PROXIMAL_ROUNDS if compliance else 1):
                 at, _, more = problem.newton(at, soft=compliance, proximal=0.0 if compliance else _PROXIMAL)
-                steps += more
-                merit = problem.merit(at)
-                if not merit < least:
-                    break
-                best, least = at, merit
+                steps, merit = steps + more, problem.merit(at)
+                if merit < least:
+                    best, least = at, merit
                 if least <= FOUND:
                     return best, least, steps
-        w = w if least == math.inf else w
+                if not merit < 0.5 * before:
+                    break
+                before = merit
     return best, least, steps

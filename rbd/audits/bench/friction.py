@@ -21,7 +21,7 @@ import numpy as np
 from rbd.arrays import Array, as_finite, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Unsupported
-from rbd.problem.cones import Cone, FrictionCone, Part, SecondOrderCone
+from rbd.problem.cones import FrictionCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.sparse_newton import SparseProblem, solve_sparse
@@ -33,18 +33,9 @@ BADLY_SCALED = 1e-9
 SPREAD = 1e6
 _DIMENSIONS = (2, 3, 5)
 _SYMMETRIC = 1e-9
-
-
-@dataclass(frozen=True)
-class _PlanarCone(Cone):
-    """Forces (tangent, normal) with |f_t| <= mu f_n: a cone in space without its second tangent."""
-
-    mu: float
-    dim = 2
-
-    def generators(self) -> tuple[Array, tuple[Part, ...]]:
-        """One second-order cone, whose second tangent does nothing."""
-        return np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (SecondOrderCone(self.mu),)
+_REFINED = 3
+_CORRECTIONS = 4
+_ENOUGH = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,7 +168,8 @@ class FrictionProblem(Displayed):
     def gauss(self) -> GaussProblem:
         """The same as a least-constraint problem, tangents first, for every solver of `rbd` under Coulomb's law.
 
-        A local problem has M = 1 and the J of W = J J^T, whose condition is the root of W's.
+        A local problem has M = 1 and the J of W = J J^T, whose condition is the root of W's. A contact in the plane gets a second
+        tangent along which nothing moves.
 
         Raises:
             Unsupported: rolling; a W that is not symmetric.
@@ -201,15 +193,26 @@ class FrictionProblem(Displayed):
                 raise InputError(f"{self.name}: W has the eigenvalue {values[0]:.2g}; expected none below zero.")
             M, rhs, J, offset = np.eye(len(W)), np.zeros(len(W)), vectors * np.sqrt(np.maximum(values, 0.0)), self.q
         assert rhs is not None and offset is not None
-        cones = [_PlanarCone(mu) if self.dim == 2 else FrictionCone(mu) for mu in self.mu.tolist()]
-        parts = zip(cones, np.split(J, len(cones)), np.split(offset[order], len(cones)), strict=True)
-        rows = [Rows(f"contact {i}", part, bias=bias, cone=cone) for i, (cone, part, bias) in enumerate(parts)]
+        rows = []
+        for i, (mu, part, bias) in enumerate(zip(self.mu.tolist(), *(np.split(x, len(self.mu)) for x in (J, offset[order])), strict=True)):
+            if self.dim == 2:
+                part, bias = np.insert(part, 1, 0.0, axis=0), np.insert(bias, 1, 0.0)
+            rows.append(Rows(f"contact {i}", part, bias=bias, cone=FrictionCone(mu)))
         return GaussProblem(0.5 * (M + M.T), rhs, rows)
 
     @property
     def normals_last(self) -> Array:
         """Numbers of the rows with each contact's normal last, shape (k dim,)."""
         return np.roll(np.arange(self.dim * len(self.mu)).reshape(-1, self.dim), -1, axis=1).ravel()
+
+    def forces_of(self, multipliers: Array) -> Array:
+        """Row forces of `gauss`, stacked, as forces of this problem, shape (k dim,).
+
+        Args:
+            multipliers: Those of an answer, shape (3 k,).
+        """
+        out = np.roll(multipliers.reshape(-1, 3), 1, axis=1)
+        return out[:, : self.dim].ravel()
 
     @lazy
     def rates(self) -> Array:
@@ -252,14 +255,25 @@ class FrictionAnswer(Displayed):
     @lazy
     def v(self) -> Array:
         """M^-1 (H r + f) of a global problem, shape (nv,); empty of a local one."""
-        P = self.problem
-        return np.zeros(0) if P.M is None else np.asarray(P._inverse @ (P.H @ self.r + P.f))
+        return self._motion[0].astype(float)
 
     @lazy
     def u(self) -> Array:
         """Recomputed accelerations or velocities, shape (k dim,)."""
-        P = self.problem
-        return np.asarray(P.W @ self.r + P.q if P.M is None else P.H.T @ self.v + P.w)
+        return self._motion[1].astype(float)
+
+    @lazy
+    def _motion(self) -> tuple[Array, Array]:
+        """(v, u), in extended precision where the machine has it: M v = H r + f is refined, so that no condition counts."""
+        P, r = self.problem, self.r.astype(np.longdouble)
+        if P.M is None:
+            return np.zeros(0), P.W.astype(np.longdouble) @ r + P.q
+        M, H = P.M.astype(np.longdouble), P.H.astype(np.longdouble)
+        load = H @ r + P.f
+        v = np.zeros(len(load), np.longdouble)
+        for _ in range(_REFINED):
+            v = v + P._inverse @ (load - M @ v).astype(float)
+        return v, H.T @ v + P.w
 
     @lazy
     def _dual(self) -> Array:
@@ -323,8 +337,7 @@ class FrictionAnswer(Displayed):
 def _nearest(r: Array, mu: Array, mu_r: Array | None) -> Array:
     """The nearest forces in the cones |r_t| <= mu r_n, |r_m| <= mu_r r_n, shape (k, dim).
 
-    Their normal N minimises (N - r_n)^2 + sum (|r_i| - mu_i N)_+^2: of the sums with none, one or both of the discs that cut,
-    the one that agrees with itself.
+    Their normal N is zero, or that at which N - r_n = sum mu_i (|r_i| - mu_i N)_+: with none, one or both of the discs that cut.
     """
     discs = [(slice(1, 3), mu)] + ([] if mu_r is None else [(slice(3, 5), mu_r)])
     lengths = [np.linalg.norm(r[:, disc], axis=1) for disc, _ in discs]
@@ -334,7 +347,8 @@ def _nearest(r: Array, mu: Array, mu_r: Array | None) -> Array:
         for used, t, (_, m) in zip(cut, lengths, discs, strict=True):
             top, below = top + used * m * t, below + used * m * m
         N = np.maximum(top / below, 0.0)
-        far = (N - r[:, 0]) ** 2 + sum(np.maximum(t - m * N, 0.0) ** 2 for t, (_, m) in zip(lengths, discs, strict=True))
+        rises = N - r[:, 0] - sum(m * np.maximum(t - m * N, 0.0) for t, (_, m) in zip(lengths, discs, strict=True))
+        far = np.where((N == 0.0) & (rises > 0.0), 0.0, np.abs(rises))
         best, least = np.where(far < least, N, best), np.minimum(far, least)
     out = r.copy()
     out[:, 0] = best
@@ -352,8 +366,21 @@ def solve(problem: FrictionProblem, guess: Array | None = None) -> FrictionAnswe
     """
     start, P, order = time.perf_counter(), problem, problem.normals_last
     mu = np.column_stack([P.mu, P.mu if P.mu_r is None else P.mu_r])
-    S = SparseProblem.of(P.delassus[order][:, order], P.free[order], mu)
-    w, _, _ = solve_sparse(S, None if guess is None else as_finite("guess", guess, P.free.shape)[order] / S.unit)
-    r = np.empty(len(order))
-    r[order] = S.unit * w
-    return P.answer(r, "sparse Newton", time.perf_counter() - start)
+    D, free = P.delassus[order][:, order], P.free[order]
+    r = np.zeros(len(order)) if guess is None else as_finite("guess", guess, P.free.shape)[order]
+    S = SparseProblem.of(D, free, mu)
+    w, _, _ = solve_sparse(S, r / S.unit)
+    best: FrictionAnswer | None = None
+    for _ in range(_CORRECTIONS):
+        r = np.empty(len(order))
+        r[order] = S.unit * w
+        found = P.answer(r, "sparse Newton", time.perf_counter() - start)
+        if best is None or found.natural_map < best.natural_map:
+            best = found
+        if best.natural_map <= _ENOUGH:
+            break
+        # D and q of a global problem have the rounding of M's inverse; the recomputed u has not.
+        S = SparseProblem.of(D, found.u[order] - D @ r[order], mu)
+        w, _, _ = S.newton(r[order] / S.unit)
+    assert best is not None
+    return best
