@@ -26,9 +26,17 @@ FOUND = 1e-13
 """Largest entry of |w - P(w - y)|, over the largest weight and 1, of an answer."""
 _ROUNDS = 8
 _SWEEPS = 50
+_MOST_SWEEPS = 4000
+"""Sweeps alone go on where so many more, at the rate of the last ones, end; of a problem of at least `_SMALL` columns."""
+_SMALL = 1000
 _PROXIMAL = 1e-9
-_PROXIMAL_ROUNDS = 8
-_COMPLIANCES = (1e-3, 1e-5, 1e-7)
+_PROXIMAL_ROUNDS = 20
+_COMPLIANCE = 1e-3
+_FAILURES = 3
+_FOLLOWS = 1e-3
+"""A step of the proximal-point method is taken where Newton's gap falls below this times the merit."""
+_IDLE = 6
+"""Newton's steps that do not reduce the gap, after which they stop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +115,8 @@ class SparseProblem:
         d, identity = (len(w) - n) // max(k, 1), eye_array(len(w), format="csr")
         shifted = self.D + (soft + proximal - 1.0) * identity
         gap, slopes = self.gap(w, self.D @ w + self.q)
-        best, least, step = w, max_abs(gap), 0
-        while step < iterations and least > EXACT * max(1.0, max_abs(w)):
+        best, least, step, idle = w, max_abs(gap), 0, 0
+        while step < iterations and idle < _IDLE and least > EXACT * max(1.0, max_abs(w)):
             cones = bsr_array((slopes[n:].reshape(k, d, d), np.arange(k), np.arange(k + 1)), shape=(k * d, k * d))
             V = cones if not n else block_array([[diags_array(slopes[:n]), None], [None, cones]]) if k else diags_array(slopes)
             try:
@@ -124,9 +132,9 @@ class SparseProblem:
                 if gap @ gap <= before * (1.0 - 1e-4 * t):
                     break
                 t *= 0.5
-            w, step = new, step + 1
+            w, step, idle = new, step + 1, idle + 1
             if max_abs(gap) < least:
-                best, least = w, max_abs(gap)
+                best, least, idle = w, max_abs(gap), 0
             elif before < 1e-22:  # rounding
                 break
         return best, least, step
@@ -160,17 +168,38 @@ def solve_sparse(problem: SparseProblem, w: Array | None = None, *, rounds: int 
     w = np.zeros(len(problem.q)) if w is None else w
     best, least, steps = w, problem.merit(w), 0
     for i in range(rounds):
-        w = problem.sweeps(w, _SWEEPS << i)
-        for compliance in (0.0, *_COMPLIANCES):
-            at, before = w, math.inf
-            for _ in range(_PROXIMAL_ROUNDS if compliance else 1):
-                at, _, more = problem.newton(at, soft=compliance, proximal=0.0 if compliance else _PROXIMAL)
-                steps, merit = steps + more, problem.merit(at)
-                if merit < least:
-                    best, least = at, merit
-                if least <= FOUND:
-                    return best, least, steps
-                if not merit < 0.5 * before:
-                    break
-                before = merit
+        before, w, count = problem.merit(w), problem.sweeps(w, _SWEEPS << i), _SWEEPS << i
+        found = w, problem.merit(w), 0
+        falls = math.log(max(before, FOUND) / max(found[1], FOUND)) / count  # a sweep
+        if len(w) < _SMALL or math.log(max(found[1], FOUND) / FOUND) > _MOST_SWEEPS * falls:
+            found = problem.newton(w)
+            if problem.merit(found[0]) > FOUND:
+                found = _by_proximal_points(problem, w)
+        steps += found[2]
+        merit = problem.merit(found[0])
+        if merit < least:
+            best, least = found[0], merit
+            w = best
+        if least <= FOUND:
+            break
+    return best, least, steps
+
+
+def _by_proximal_points(problem: SparseProblem, w: Array) -> tuple[Array, float, int]:
+    """(the best weights, merit, steps) of the proximal-point method: the compliance falls where Newton follows, else it rises."""
+    best, least, steps, compliance, failures = w, problem.merit(w), 0, _COMPLIANCE, 0
+    for _ in range(_PROXIMAL_ROUNDS):
+        new, gap, more = problem.newton(w, soft=compliance, proximal=0.0)
+        steps += more
+        if gap <= max(_FOLLOWS * problem.merit(w), 10.0 * FOUND) * max(1.0, max_abs(w)):
+            w, compliance = new, max(0.1 * compliance, _PROXIMAL)
+            merit = problem.merit(w)
+            if merit < least:
+                best, least = w, merit
+            if least <= FOUND:
+                break
+        else:
+            compliance, failures = 10.0 * compliance, failures + 1
+            if failures > _FAILURES:
+                break
     return best, least, steps

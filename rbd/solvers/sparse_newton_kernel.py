@@ -1,4 +1,4 @@
-"""Compiled sweeps over the contacts of a sparse problem: Gauss-Seidel by `rbd.solvers.sparse_newton`'s projection."""
+"""Compiled sweeps over the contacts of a sparse problem: Gauss-Seidel, each contact's own problem solved by Newton's method."""
 
 from __future__ import annotations
 
@@ -8,10 +8,76 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, NUMBER, array, compiled, signature
+from rbd.solvers.small_systems import eliminate
 
 _SMALL = 1e-200
-_INNER = 5
-"""Fixed-point steps at one contact before the next one."""
+_STEPS = 12
+_FIXED_POINT_STEPS = 5
+_EXACT = 1e-15
+
+
+@compiled
+def _project(p: Array, d: int, mu: Array, out: Array, slopes: Array) -> None:
+    """The projection of a cone's d weights, the normal last, and its slopes."""
+    n = d - 1
+    out[n] = max(p[n], 0.0)
+    slopes[:d, :d] = 0.0
+    if p[n] <= 0.0:
+        out[:n] = 0.0
+        return
+    slopes[n, n] = 1.0
+    for disc in range(0, n, 2):
+        stop, t, u = min(disc + 2, n), 0.0, mu[disc // 2]
+        for e in range(disc, stop):
+            t += p[e] * p[e]
+        t = max(math.sqrt(t), _SMALL)
+        factor = min(1.0, u * out[n] / t)
+        for e in range(disc, stop):
+            out[e], slopes[e, e] = factor * p[e], factor
+            if factor < 1.0:
+                slopes[e, n] = u * p[e] / t
+                for s in range(disc, stop):
+                    slopes[e, s] -= factor * p[e] * p[s] / (t * t)
+
+
+@compiled
+def _alone(block: Array, y: Array, rate: float, d: int, mu: Array, w: Array, room: Array) -> None:
+    """Weights of one cone for the accelerations y without them: by Newton's steps, else some steps to the fixed point."""
+    p, out, new, gap, slopes, A = room[0], room[1], room[2], room[3], room[4:9], room[9:14]
+    new[:d] = w[:d]
+    solved = False
+    for _ in range(_STEPS):
+        miss, size = 0.0, 0.0
+        for e in range(d):
+            p[e] = new[e] - rate * y[e]
+            for s in range(d):
+                p[e] -= rate * block[e, s] * new[s]
+        _project(p, d, mu, out, slopes)
+        for e in range(d):
+            gap[e] = out[e] - new[e]
+            miss, size = max(miss, abs(gap[e])), max(size, abs(new[e]), abs(out[e]))
+        if miss <= _EXACT * size:
+            solved = True
+            break
+        for e in range(d):  # I + V (rate D - I)
+            for s in range(d):
+                A[e, s] = (1.0 if e == s else 0.0) - slopes[e, s]
+                for k in range(d):
+                    A[e, s] += rate * slopes[e, k] * block[k, s]
+        if not eliminate(A, gap, d):
+            break
+        for e in range(d):
+            new[e] += gap[e]
+    if not solved:
+        new[:d] = w[:d]
+        for _ in range(_FIXED_POINT_STEPS):
+            for e in range(d):
+                p[e] = new[e] - rate * y[e]
+                for s in range(d):
+                    p[e] -= rate * block[e, s] * new[s]
+            _project(p, d, mu, out, slopes)
+            new[:d] = out[:d]
+    w[:d] = new[:d]
 
 
 def _sweeps(
@@ -34,7 +100,7 @@ def _sweeps(
     """
     n, k = len(lower), len(mu)
     wide = (len(q) - n) // k if k else 1
-    y, new, block, change = np.zeros(5), np.zeros(5), np.zeros((5, 5)), 0.0
+    y, new, block, change, room = np.zeros(5), np.zeros(5), np.zeros((5, 5)), 0.0, np.zeros((14, 5))
     for _ in range(count):
         change = 0.0
         for part in range(n + k):
@@ -48,28 +114,10 @@ def _sweeps(
                         block[e, inside] += entries[s]
                     else:
                         y[e] += entries[s] * w[columns[s]]
-            rate = rates[part]
-            for _ in range(_INNER):
-                moved = 0.0
-                for e in range(d - 1, -1, -1):  # the normal first
-                    c = y[e]
-                    for s in range(d):
-                        c += block[e, s] * new[s]
-                    p = new[e] - rate * c
-                    if e == d - 1:
-                        p = min(max(p, lower[part]), upper[part]) if part < n else max(p, 0.0)
-                    moved = max(moved, abs(p - new[e]))
-                    new[e] = p
-                if part >= n:
-                    for disc in range(0, d - 1, 2):
-                        stop, t = min(disc + 2, d - 1), 0.0
-                        for e in range(disc, stop):
-                            t += new[e] * new[e]
-                        share = min(1.0, mu[part - n, disc // 2] * new[d - 1] / max(math.sqrt(t), _SMALL))
-                        for e in range(disc, stop):
-                            new[e] *= share
-                if moved == 0.0:
-                    break
+            if part < n:
+                new[0] = min(max(new[0] - rates[part] * (y[0] + block[0, 0] * new[0]), lower[part]), upper[part])
+            else:
+                _alone(block, y, rates[part], d, mu[part - n], new, room)
             for e in range(d):
                 change = max(change, abs(new[e] - w[at + e]))
                 w[at + e] = new[e]

@@ -35,7 +35,7 @@ _DIMENSIONS = (2, 3, 5)
 _SYMMETRIC = 1e-9
 _REFINED = 3
 _CORRECTIONS = 4
-_ENOUGH = 1e-14
+_ENOUGH = 0.1 * SOLVED
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,8 +211,7 @@ class FrictionProblem(Displayed):
         Args:
             multipliers: Those of an answer, shape (3 k,).
         """
-        out = np.roll(multipliers.reshape(-1, 3), 1, axis=1)
-        return out[:, : self.dim].ravel()
+        return np.roll(multipliers.reshape(-1, 3), 1, axis=1)[:, : self.dim].ravel()
 
     @lazy
     def rates(self) -> Array:
