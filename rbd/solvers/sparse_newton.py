@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, max_abs
+from rbd.solvers.newton import Scaled
 
 EXACT = 1e-14
 FOUND = 1e-13
@@ -81,6 +82,14 @@ class SparseProblem:
         scaled = csr_array(diags_array(s) @ D @ diags_array(s))
         scaled.sort_indices()
         return cls(scaled, s * q / rate, ends[:n] / rate, ends[n:] / rate, mu, s * rate)
+
+    @classmethod
+    def of_scaled(cls, problem: Scaled) -> SparseProblem:
+        """The same as a dense problem that is scaled already, in its order."""
+        from scipy.sparse import csr_array
+
+        mu = np.column_stack([problem.order.mu] * 2)
+        return cls(csr_array(problem.D), problem.q, problem.lower, problem.upper, mu, problem.unit)
 
     def gap(self, w: Array, y: Array) -> tuple[Array, Array]:
         """(P(w - y) - w, slopes of P: 1 or 0 of each single and a block of each cone, shape (n + k d^2,))."""
