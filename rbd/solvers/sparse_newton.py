@@ -27,6 +27,7 @@ FOUND = 1e-13
 """Largest entry of |w - P(w - y)|, over the largest weight and 1, of an answer."""
 _ROUNDS = 8
 _SWEEPS = 50
+_STARTS = 8
 _MOST_SWEEPS = 4000
 """Sweeps alone go on where so many more, at the rate of the last ones, end; of a problem of at least `_SMALL` columns."""
 _SMALL = 1000
@@ -166,18 +167,31 @@ class SparseProblem:
         return out
 
 
-def solve_sparse(problem: SparseProblem, w: Array | None = None, *, rounds: int = _ROUNDS) -> tuple[Array, float, int]:
-    """(scaled weights, merit, Newton's steps): the best found from a guess, zero by default.
+def solve_sparse(problem: SparseProblem, w: Array | None = None) -> tuple[Array, float, int]:
+    """(scaled weights, merit, Newton's steps): the best found from a guess, zero by default; of few columns from others, too.
 
     Args:
         problem: The scaled problem.
         w: Where to start, shape (p,).
-        rounds: Of sweeps and steps, each with twice the sweeps of the one before.
     """
-    w = np.zeros(len(problem.q)) if w is None else w
+    best, least, steps = _from(problem, np.zeros(len(problem.q)) if w is None else w)
+    rng = np.random.default_rng(0)
+    for _ in range(_STARTS if len(best) < _SMALL else 0):
+        if least <= FOUND:
+            break
+        found, merit, more = _from(problem, rng.normal(scale=max(1.0, max_abs(best)), size=len(best)))
+        steps += more
+        if merit < least:
+            best, least = found, merit
+    return best, least, steps
+
+
+def _from(problem: SparseProblem, w: Array) -> tuple[Array, float, int]:
+    """The same from one start: rounds of sweeps and steps, each with twice the sweeps of the one before."""
     best, least, steps = w, problem.merit(w), 0
-    for i in range(rounds):
-        before, w, count = problem.merit(w), problem.sweeps(w, _SWEEPS << i), _SWEEPS << i
+    for i in range(_ROUNDS):
+        count = _SWEEPS << i
+        before, w = problem.merit(w), problem.sweeps(w, count)
         found = w, problem.merit(w), 0
         falls = math.log(max(before, FOUND) / max(found[1], FOUND)) / count  # a sweep
         if len(w) < _SMALL or math.log(max(found[1], FOUND) / FOUND) > _MOST_SWEEPS * falls:

@@ -297,9 +297,16 @@ class FrictionAnswer(Displayed):
 
         Zero for exact answers alone. P_K projects on the true cone, another way than the solver's equations.
         """
-        P, r = self.problem, self.r.reshape(-1, self.problem.dim)
-        moved = r - P.rates[:, None] * self._dual
-        return max_abs((r - _nearest(moved, P.mu, P.mu_r)).ravel()) / self.size
+        return self._missed(self._dual)
+
+    @lazy
+    def convex_map(self) -> float:
+        """The same of the convex law, |r - P_K(r - rho u)|: zero where points that slide also lift, at mu |u_t|."""
+        return self._missed(self.u.reshape(self._dual.shape))
+
+    def _missed(self, u: Array) -> float:
+        P, r = self.problem, self.r.reshape(u.shape)
+        return max_abs((r - _nearest(r - P.rates[:, None] * u, P.mu, P.mu_r)).ravel()) / self.size
 
     @lazy
     def fclib_error(self) -> float:

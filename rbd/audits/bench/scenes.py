@@ -73,14 +73,16 @@ def _problem(title: str, kind: str, name: str, rng: np.random.Generator) -> Fric
     points = _soles(state, kind, rng)
     if kind in ("hands on walls", "jam", "fall"):
         points += _palms(state, name, kind, rng)
+    low, high = (0.8, 1.5) if kind == "jam" else (0.2, 1.0)
+    mu = rng.uniform(low, high, len(points))
+    if kind == "Painleve":
+        state, mu = _dragged(state, points, rng)
     tau = np.zeros(robot.nv)
     tau[6:] = state.h[6:] * rng.uniform(0.5, 1.5, robot.nv - 6)
     if kind == "jam":  # it presses outwards
         tau[6:] += rng.normal(scale=0.5, size=robot.nv - 6) * np.abs(state.h[6:]).max()
     free = state.M @ state.v + (0.0 if fall else _STEP) * (tau - state.h)
     H = np.hstack([J.T for J in points])
-    low, high = {"jam": (0.8, 1.5), "Painleve": (1.5, 5.0)}.get(kind, (0.2, 1.0))
-    mu = rng.uniform(low, high, len(points))
     about = f"{kind} of {name}, drawn by rbd.audits.bench.humanoid_problems; impulses [N s], velocities [m/s]"
     return FrictionProblem(title, 3, mu=mu, M=state.M, H=H, f=free, w=np.zeros(H.shape[1]), about=about)
 
@@ -96,9 +98,20 @@ def _moved(state: State, kind: str, rng: np.random.Generator) -> State:
     if kind == "fall":
         v = rng.normal(scale=0.5, size=nv)
         v[2] -= rng.uniform(1.0, 3.0)
-    elif kind == "Painleve":
-        v[:2] += rng.uniform(0.5, 2.0) * _direction(rng)[:2]
     return State(robot, q, v)
+
+
+def _dragged(state: State, points: Sequence[Array], rng: np.random.Generator) -> tuple[State, Array]:
+    """(the robot sliding, frictions), so that Painleve's paradox holds where the first point slides.
+
+    Friction against the slip d presses it down by more than the normal force lifts it: W_nn - mu W_nt . d < 0. It slides along
+    W_nt, and mu is above W_nn / |W_nt|.
+    """
+    blocks = [J @ np.linalg.solve(state.M, J.T) for J in points]
+    along, v = blocks[0][0, 1:] / np.linalg.norm(blocks[0][0, 1:]), state.v.copy()
+    v[:3] += rng.uniform(0.5, 2.0) * (along @ points[0][1:, :3])  # the base moves, and the point with it
+    critical = np.array([W[0, 0] / np.linalg.norm(W[0, 1:]) for W in blocks])
+    return State(state.robot, state.q, v), np.minimum(critical, 20.0) * rng.uniform(1.1, 2.0, len(points))
 
 
 def _soles(state: State, kind: str, rng: np.random.Generator) -> list[Array]:
@@ -131,26 +144,22 @@ def _palms(state: State, name: str, kind: str, rng: np.random.Generator) -> list
             out = np.array([0.0, 0.0, -1.0])
         normal = _unit(-out + 0.1 * rng.normal(size=3))
         R = state.frame(frame).X_WF.rotation
-        square = [R.T @ (x * _PALM * t + y * _PALM * b) for t, b in (_tangents(normal),) for x in (-1, 1) for y in (-1, 1)]
+        square = [R.T @ (x * _PALM * t + y * _PALM * b) for t, b in (tangents(normal),) for x in (-1, 1) for y in (-1, 1)]
         found += _jacobians(state, frame, square, normal)
     return found
 
 
 def _jacobians(state: State, frame: str, points: Sequence[Array], normal: Array) -> list[Array]:
     """Of points of a frame, in its axes: rows along the normal and two tangents, shape (3, nv) each."""
-    F, axes = state.frame(frame), np.array([normal, *_tangents(normal)])
+    F, axes = state.frame(frame), np.array([normal, *tangents(normal)])
     return [axes @ (F.J[:3] - pin.skew(F.X_WF.rotation @ p) @ F.J[3:]) for p in points]
 
 
-def _tangents(normal: Array) -> tuple[Array, Array]:
+def tangents(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors that stand on a unit normal, and on each other."""
     t = _unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin()]))
     return t, np.cross(normal, t)
 
 
 def _unit(x: Array) -> Array:
     return np.asarray(x / np.linalg.norm(x))
-
-
-def _direction(rng: np.random.Generator) -> Array:
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.array([np.cos(angle), np.sin(angle), 0.0])
