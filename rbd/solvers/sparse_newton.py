@@ -116,7 +116,9 @@ class SparseProblem:
         """Largest entry of |w - P(w - y)|, over the largest weight and 1."""
         return max_abs(self.gap(w, self.D @ w + self.q)[0]) / max(1.0, max_abs(w))
 
-    def newton(self, w: Array, *, soft: float = 0.0, proximal: float = _PROXIMAL, iterations: int = 30) -> tuple[Array, float, int]:
+    def newton(
+        self, w: Array, *, soft: float = 0.0, proximal: float = _PROXIMAL, iterations: int = 30
+    ) -> tuple[Array, float, int]:
         """(weights, largest entry of their gap, steps) of damped steps, parts yielding by `soft` times what w changes by."""
         from scipy.sparse import block_array, bsr_array, csc_array, diags_array, eye_array
         from scipy.sparse.linalg import splu
@@ -209,7 +211,7 @@ def _from(problem: SparseProblem, w: Array) -> tuple[Array, float, int]:
 
 
 def _by_proximal_points(problem: SparseProblem, w: Array) -> tuple[Array, float, int]:
-    """(the best weights, merit, steps) of the proximal-point method: the compliance falls where Newton follows, else it rises."""
+    """(the best weights, merit, steps) of the proximal-point method: compliance falls where Newton follows, else it rises."""
     best, least, steps, compliance, failures = w, problem.merit(w), 0, _COMPLIANCE, 0
     for _ in range(_PROXIMAL_ROUNDS):
         new, gap, more = problem.newton(w, soft=compliance, proximal=0.0)

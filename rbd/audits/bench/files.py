@@ -35,16 +35,24 @@ def read(path: str | Path) -> FrictionProblem:
     Raises:
         InputError: no such file; one that is too large; a field that is missing, of another size, or no number: by its name.
             h5py is not installed (extra `bench`).
+
+    Example:
+        >>> problem = rbd.audits.bench.FrictionProblem("drop", 3, mu=[0.5], W=np.eye(3), q=[-1.0, 0.1, 0.0])
+        >>> rbd.audits.bench.read(rbd.audits.bench.write("drop.dat", problem))
+        FrictionProblem('drop.dat', local, dim=3, contacts=1)
     """
     path = Path(path)
     try:
         size = path.stat().st_size if path.is_file() else -1
-        if size < 0 or size > LARGEST:
-            raise InputError(f"{path.name}: {'no such file' if size < 0 else f'{size} bytes'}; expected at most {LARGEST} bytes.")
+        if not 0 <= size <= LARGEST:
+            what = "is no file" if size < 0 else f"has {size} bytes"
+            raise InputError(f"{path.name} {what}; expected a file of at most {LARGEST} bytes.")
         with path.open("rb") as file:
             start = file.read(len(_HDF5))
         return _of_hdf5(path) if start == _HDF5 else _of_text(path)
-    except (OSError, UnicodeDecodeError) as error:
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError) as error:  # of text that is no ASCII, and of HDF5's library
         raise InputError(f"{path.name} cannot be read: {error}.") from error
 
 
@@ -89,10 +97,12 @@ class _Words:
         if kind != 1:
             raise InputError(f"{self.name}: {what} is stored as kind {kind}; expected 0, dense, or 1, of blocks.")
         count, *sides = self.counts(f"{what}: blocks, block rows, block columns", 3).tolist()
-        ends = [np.r_[0, self.counts(f"{what}: ends of block {part}", side)] for part, side in zip(("rows", "columns"), sides, strict=True)]
-        for end, size, part in zip(ends, (m, n), ("rows", "columns"), strict=True):
+        ends = []
+        for part, side, size in zip(("rows", "columns"), sides, (m, n), strict=True):
+            end = np.r_[0, self.counts(f"{what}: ends of block {part}", side)]
             if end[-1] != size or (np.diff(end) < 0).any():
                 raise InputError(f"{self.name}: {what}: blocks of {part} end at {end[-1]}; expected to ascend to {size}.")
+            ends.append(end)
         filled, entries = self.counts(f"{what}: row pointers, blocks", 2).tolist()
         first = self.counts(f"{what}: row pointers", filled)
         column = self.counts(f"{what}: block columns", entries, max(sides[1] - 1, 0))
@@ -104,8 +114,9 @@ class _Words:
             if self.count(f"{what}: number of block {k}") != k:
                 raise InputError(f"{self.name}: {what}: block {k} has another number.")
             high, wide = (int(end[at + 1] - end[at]) for end, at in zip(ends, (i, j), strict=True))
+            values = self.numbers(f"{what}: block {k}", high * wide)
             I, J = np.meshgrid(ends[0][i] + np.arange(high), ends[1][j] + np.arange(wide))  # by columns
-            parts.append((self.numbers(f"{what}: block {k}", high * wide), I.ravel(), J.ravel()))
+            parts.append((values, I.ravel(), J.ravel()))
         data, I, J = (np.concatenate(each) for each in zip(*parts, strict=True))
         return csr_array(coo_array((data, (I, J)), (m, n)))
 
@@ -159,56 +170,63 @@ class _Group:
     def __init__(self, name: str, group: Any) -> None:
         self.name, self.group = name, group
 
-    def numbers(self, what: str, *, kinds: str = "iuf") -> Array:
-        data = self.group.get(what, getlink=True)
-        if type(data).__name__ != "HardLink" or not hasattr(self.group[what], "dtype"):
-            raise InputError(f"{self.name}: {self.group.name}/{what} is missing; expected a dataset of numbers in the file itself.")
-        data = self.group[what]
+    def item(self, what: str, kind: str) -> Any:
+        """A group or dataset that is in this file itself, and no link to elsewhere."""
+        link = self.group.get(what, getlink=True)
+        item = self.group[what] if type(link).__name__ == "HardLink" else None
+        if type(item).__name__ != kind:
+            raise InputError(f"{self.name}: {self.group.name}/{what} is missing; expected a {kind.lower()} in the file itself.")
+        return item
+
+    def numbers(self, what: str, kinds: str = "iuf") -> Array:
+        data = self.item(what, "Dataset")
+        stored = data.id.get_create_plist()
+        filters = {stored.get_filter(i)[0] for i in range(stored.get_nfilters())}
         if data.dtype.kind not in kinds or data.ndim > 1 or data.size > LARGEST // 8 or data.external or data.is_virtual:
             raise InputError(f"{self.name}: {data.name} is {data.dtype} of shape {data.shape}; expected a list of numbers.")
+        if not filters <= _FILTERS:
+            raise InputError(f"{self.name}: {data.name} is compressed by filters {sorted(filters)}; expected gzip, or none.")
         return np.atleast_1d(data[()])
 
-    def count(self, what: str) -> int:
-        found = self.numbers(what, kinds="iu")
-        if found.shape != (1,) or not -2 <= found[0] <= LARGEST:
-            raise InputError(f"{self.name}: {self.group.name}/{what} is {found[:4]}; expected one whole number.")
+    def count(self, what: str, least: int = 0, most: int = _MOST_ROWS) -> int:
+        found = self.numbers(what, "iu")
+        if found.shape != (1,) or not least <= found[0] <= most:
+            raise InputError(f"{self.name}: {self.group.name}/{what} is {found[:4]}; expected a number from {least} to {most}.")
         return int(found[0])
 
-    def group_of(self, what: str) -> _Group | None:
-        link = self.group.get(what, getlink=True)
-        if link is None:
-            return None
-        if type(link).__name__ != "HardLink" or not hasattr(self.group[what], "keys"):
-            raise InputError(f"{self.name}: {self.group.name}/{what} is no group in the file itself.")
-        return _Group(self.name, self.group[what])
+    def below(self, what: str) -> _Group:
+        return _Group(self.name, self.item(what, "Group"))
 
     def matrix(self, what: str) -> Any:
+        """Of compressed rows (nz = -2) or columns (-1), or of nz triplets; p and i are numbers of columns and rows then."""
         from scipy.sparse import coo_array, csr_array
 
-        own = self.group_of(what)
-        if own is None:
-            raise InputError(f"{self.name}: {self.group.name}/{what} is missing; expected a matrix.")
-        m, n, nz = (own.count(each) for each in ("m", "n", "nz"))
-        p, i, x = (own.numbers(each, kinds=kinds) for each, kinds in (("p", "iu"), ("i", "iu"), ("x", "iuf")))
-        if not (0 <= m <= _MOST_ROWS and 0 <= n <= _MOST_ROWS):
-            raise InputError(f"{self.name}: {own.group.name} has {m} x {n} entries; expected at most {_MOST_ROWS} rows.")
-        if nz < 0:  # compressed rows (-2) or columns (-1)
+        own = self.below(what)
+        m, n, nz = own.count("m"), own.count("n"), own.count("nz", -2, LARGEST)
+        p, i, x = own.numbers("p", "iu"), own.numbers("i", "iu"), own.numbers("x")
+        if nz < 0:
             lines = m if nz == -2 else n
-            if len(p) != lines + 1 or p[0] != 0 or (np.diff(p) < 0).any() or not p[-1] <= min(len(i), len(x)):
-                raise InputError(f"{self.name}: {own.group.name}/p has {len(p)} pointers; expected {lines + 1}, ascending from 0.")
-            nz, p = int(p[-1]), np.repeat(np.arange(lines), np.diff(p))
-            if own.count("nz") == -2:
-                p, i = i[:nz], p  # as triplets: columns p, rows i
-        if min(len(p), len(i), len(x)) < nz or len(p) != min(len(p), len(i)) and nz > len(i):
-            raise InputError(f"{self.name}: {own.group.name} has {len(p)}, {len(i)}, {len(x)} entries; expected {nz} each.")
+            if len(p) != lines + 1 or p[0] != 0 or (np.diff(p) < 0).any() or p[-1] > len(i):
+                raise InputError(
+                    f"{self.name}: {own.group.name}/p has {len(p)} entries; expected {lines + 1} that ascend from 0."
+                )
+            p, of = np.repeat(np.arange(lines), np.diff(p)), nz
+            nz = len(p)
+            if of == -2:
+                p, i = i[:nz], p
+        if min(len(p), len(i), len(x)) < nz:
+            raise InputError(
+                f"{self.name}: {own.group.name} has {len(p)}, {len(i)} and {len(x)} entries; expected {nz} of each."
+            )
         p, i, x = p[:nz], i[:nz], x[:nz]
         if nz and not (0 <= i.min() and i.max() < m and 0 <= p.min() and p.max() < n):
-            raise InputError(f"{self.name}: {own.group.name} has an index outside of its {m} x {n} entries.")
+            raise InputError(f"{self.name}: {own.group.name} has an entry outside of its {m} rows and {n} columns.")
         return csr_array(coo_array((x.astype(float), (i, p)), (m, n)))
 
     def text(self, what: str) -> str:
-        data = self.group[what] if what in self.group else None
-        if data is None or getattr(data, "dtype", np.dtype(float)).kind not in "SO" or data.size != 1 or data.dtype.itemsize > 1 << 16:
+        """A text of at most 64 kB; empty where there is none."""
+        data = self.item(what, "Dataset") if what in self.group else None
+        if data is None or data.dtype.kind != "S" or data.size != 1 or data.dtype.itemsize > 1 << 16:
             return ""
         raw = data[()]
         return raw.decode("utf-8", "replace").strip("\0 \n") if isinstance(raw, bytes) else ""
@@ -217,45 +235,38 @@ class _Group:
 def _of_hdf5(path: Path) -> FrictionProblem:
     with _h5py().File(path, "r") as file:
         top = _Group(path.name, file)
-        kind = next((name for name in _KINDS if name in file), None)
-        own = None if kind is None else top.group_of(kind)
-        if own is None:
+        kinds = [name for name in _KINDS if name in file]
+        if not kinds:
             raise InputError(f"{path.name} holds {list(file)[:5]}; expected one of {', '.join(_KINDS)}.")
+        own = top.below(kinds[0])
         for what in ("G", "R", "V"):
             if what in own.group:
-                raise InputError(f"{path.name}: {own.group.name}/{what}: equations beside the contacts are not read.")
-        vectors = own.group_of("vectors")
-        if vectors is None:
-            raise InputError(f"{path.name}: {own.group.name}/vectors is missing.")
-        given: dict[str, Any] = {}
+                raise InputError(f"{path.name}: {own.group.name}/{what}: equations beside those of contacts are not read.")
+        vectors, given = own.below("vectors"), dict[str, Any]()
         if "M" in own.group:
             given.update(M=own.matrix("M"), H=own.matrix("H"), f=vectors.numbers("f"), w=vectors.numbers("w"))
         else:
-            given.update(W=own.matrix("W"), q=vectors.numbers("q" if "q" in vectors.group else "a"))  # "a" of FCLIB's first writer
-        given["mu"] = vectors.numbers("mu")
-        if "mu_r" in vectors.group:
-            given["mu_r"] = vectors.numbers("mu_r")
-        info = own.group_of("info")
-        about = "" if info is None else "\n".join(filter(None, (info.text("title"), info.text("description"))))
-        size, known = own.count("spacedim") * len(given["mu"]), dict[str, Array]()
-        for name, group in [("solution", top.group_of("solution")), *_guesses(top)]:
-            if group is not None:
-                r = group.numbers("r").astype(float)
-                if r.shape != (size,):
-                    raise InputError(f"{path.name}: {group.group.name}/r has {len(r)} numbers; expected {size}.")
-                known[name] = r
-        return FrictionProblem(path.name, own.count("spacedim"), about=about, known=known, **given)
+            q = "q" if "q" in vectors.group else "a"  # as FCLIB's first writer named it
+            given.update(W=own.matrix("W"), q=vectors.numbers(q))
+        given.update({name: vectors.numbers(name) for name in ("mu", "mu_r") if name == "mu" or name in vectors.group})
+        dim, known = own.count("spacedim"), dict[str, Array]()
+        if "info" in own.group:
+            info = own.below("info")
+            given["about"] = "\n".join(filter(None, (info.text("title"), info.text("description"))))
+        places = [("solution", top)] if "solution" in file else []
+        if "guesses" in file:
+            guesses = top.below("guesses")
+            places += [(f"{i + 1}", guesses) for i in range(min(guesses.count("number_of_guesses"), _MOST_GUESSES))]
+        for name, place in places:
+            r, size = place.below(name).numbers("r"), dim * len(given["mu"])
+            if r.shape != (size,):
+                raise InputError(f"{path.name}: {place.group.name}/{name}/r has {len(r)} numbers; expected {size}.")
+            known[name if place is top else f"guess {name}"] = r.astype(float)
+        return FrictionProblem(path.name, dim, known=known, **given)
 
 
 _KINDS = ("fclib_local", "fclib_global", "fclib_local_rolling", "fclib_global_rolling")
-
-
-def _guesses(top: _Group) -> list[tuple[str, _Group | None]]:
-    own = top.group_of("guesses")
-    if own is None:
-        return []
-    count = min(own.count("number_of_guesses"), _MOST_GUESSES)
-    return [(f"guess {i + 1}", own.group_of(str(i + 1))) for i in range(count)]
+_FILTERS = {1, 2, 3}  # deflate, shuffle, checksum: HDF5's own, so that no plug-in is loaded
 
 
 # -------------------------------------------------------------------------------------------------------------------- writing
@@ -271,6 +282,11 @@ def write(path: str | Path, problem: FrictionProblem, answer: FrictionAnswer | N
 
     Raises:
         InputError: an answer for a text, or one of another problem; a file that cannot be written.
+
+    Example:
+        >>> problem = next(rbd.audits.bench.humanoid_problems(1))
+        >>> print(rbd.audits.bench.write("stand.dat", problem))
+        stand.dat
     """
     path = Path(path)
     check_kind("problem", problem, FrictionProblem, "a FrictionProblem")

@@ -130,7 +130,7 @@ class FrictionProblem(Displayed):
 
     @lazy
     def free(self) -> Array:
-        """u without contact forces: q, or H^T M^-1 f + w, shape (k dim,)."""
+        """U without contact forces: q, or H^T M^-1 f + w, shape (k dim,)."""
         if self.M is None:
             assert self.q is not None
             return self.q
@@ -168,8 +168,8 @@ class FrictionProblem(Displayed):
     def gauss(self) -> GaussProblem:
         """The same as a least-constraint problem, tangents first, for every solver of `rbd` under Coulomb's law.
 
-        A local problem has M = 1 and the J of W = J J^T, whose condition is the root of W's. A contact in the plane gets a second
-        tangent along which nothing moves.
+        A local problem has M = 1 and the J of W = J J^T, whose condition is the root of W's. A contact in the plane gets a
+        second tangent, along which nothing moves.
 
         Raises:
             Unsupported: rolling; a W that is not symmetric.
@@ -194,7 +194,9 @@ class FrictionProblem(Displayed):
             M, rhs, J, offset = np.eye(len(W)), np.zeros(len(W)), vectors * np.sqrt(np.maximum(values, 0.0)), self.q
         assert rhs is not None and offset is not None
         rows = []
-        for i, (mu, part, bias) in enumerate(zip(self.mu.tolist(), *(np.split(x, len(self.mu)) for x in (J, offset[order])), strict=True)):
+        for i, (mu, part, bias) in enumerate(
+            zip(self.mu.tolist(), *(np.split(x, len(self.mu)) for x in (J, offset[order])), strict=True)
+        ):
             if self.dim == 2:
                 part, bias = np.insert(part, 1, 0.0, axis=0), np.insert(bias, 1, 0.0)
             rows.append(Rows(f"contact {i}", part, bias=bias, cone=FrictionCone(mu)))
@@ -276,7 +278,7 @@ class FrictionAnswer(Displayed):
 
     @lazy
     def _dual(self) -> Array:
-        """u with De Saxce's term, shape (k, dim)."""
+        """U with De Saxce's term, shape (k, dim)."""
         P = self.problem
         u = self.u.reshape(-1, P.dim).copy()
         u[:, 0] += P.mu * np.linalg.norm(u[:, 1:3], axis=1)
@@ -333,7 +335,7 @@ class FrictionAnswer(Displayed):
 
     @property
     def verdict(self) -> str:
-        """"solved" or "not solved"."""
+        """Either "solved" or "not solved", by `solved`."""
         return "solved" if self.solved else "not solved"
 
     def __repr__(self) -> str:
@@ -343,7 +345,7 @@ class FrictionAnswer(Displayed):
 def _nearest(r: Array, mu: Array, mu_r: Array | None) -> Array:
     """The nearest forces in the cones |r_t| <= mu r_n, |r_m| <= mu_r r_n, shape (k, dim).
 
-    Their normal N is zero, or that at which N - r_n = sum mu_i (|r_i| - mu_i N)_+: with none, one or both of the discs that cut.
+    Their normal N is zero, or that at which N - r_n = sum mu_i (|r_i| - mu_i N)_+; none, one or both of the discs cut.
     """
     discs = [(slice(1, 3), mu)] + ([] if mu_r is None else [(slice(3, 5), mu_r)])
     lengths = [np.linalg.norm(r[:, disc], axis=1) for disc, _ in discs]
@@ -369,6 +371,11 @@ def solve(problem: FrictionProblem, guess: Array | None = None) -> FrictionAnswe
     Args:
         problem: The problem.
         guess: Forces to start from, shape (k dim,); zero by default.
+
+    Example:
+        >>> at_rest = rbd.audits.bench.FrictionProblem("a weight", 3, mu=[0.5], W=np.eye(3) / 2.0, q=[-9.81, 0.0, 0.0])
+        >>> rbd.audits.bench.solve(at_rest).r
+        array([19.62,  0.  ,  0.  ])
     """
     start, P, order = time.perf_counter(), problem, problem.normals_last
     mu = np.column_stack([P.mu, P.mu if P.mu_r is None else P.mu_r])

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.audits.bench.friction import FrictionProblem
+from rbd.constraints import SurfaceContact
 from rbd.errors import InputError
 from rbd.errors.inputs import listed_items
 from rbd.model.state import State
@@ -63,24 +64,26 @@ def humanoid_problems(count: int = 1000, *, seed: int = 0, scenes: Sequence[str]
 
 
 @lru_cache(maxsize=len(_HANDS))
-def _standing(name: str) -> State:
-    return load_robot(name).standing()
+def _standing(name: str) -> tuple[State, tuple[SurfaceContact, ...]]:
+    """(the robot in its standing posture, its soles)."""
+    robot = load_robot(name)
+    return robot.standing(), tuple(foot for foot in robot.feet() if isinstance(foot, SurfaceContact))
 
 
 def _problem(title: str, kind: str, name: str, rng: np.random.Generator) -> FrictionProblem:
-    state = _moved(_standing(name), kind, rng)
-    robot, fall = state.robot, kind == "fall"
-    points = _soles(state, kind, rng)
+    standing, feet = _standing(name)
+    state, fall = _moved(standing, kind, rng), kind == "fall"
+    points = _soles(state, feet, kind, rng)
     if kind in ("hands on walls", "jam", "fall"):
         points += _palms(state, name, kind, rng)
     low, high = (0.8, 1.5) if kind == "jam" else (0.2, 1.0)
     mu = rng.uniform(low, high, len(points))
     if kind == "Painleve":
         state, mu = _dragged(state, points, rng)
-    tau = np.zeros(robot.nv)
-    tau[6:] = state.h[6:] * rng.uniform(0.5, 1.5, robot.nv - 6)
+    tau = np.zeros(len(state.v))
+    tau[6:] = state.h[6:] * rng.uniform(0.5, 1.5, len(tau) - 6)
     if kind == "jam":  # it presses outwards
-        tau[6:] += rng.normal(scale=0.5, size=robot.nv - 6) * np.abs(state.h[6:]).max()
+        tau[6:] += rng.normal(scale=0.5, size=len(tau) - 6) * np.abs(state.h[6:]).max()
     free = state.M @ state.v + (0.0 if fall else _STEP) * (tau - state.h)
     H = np.hstack([J.T for J in points])
     about = f"{kind} of {name}, drawn by rbd.audits.bench.humanoid_problems; impulses [N s], velocities [m/s]"
@@ -114,11 +117,11 @@ def _dragged(state: State, points: Sequence[Array], rng: np.random.Generator) ->
     return State(state.robot, state.q, v), np.minimum(critical, 20.0) * rng.uniform(1.1, 2.0, len(points))
 
 
-def _soles(state: State, kind: str, rng: np.random.Generator) -> list[Array]:
+def _soles(state: State, feet: Sequence[SurfaceContact], kind: str, rng: np.random.Generator) -> list[Array]:
     """Jacobians of points of both soles, normal first: their corners, the front edge on a stair, a grid where redundant."""
     found, tilt = [], {"stairs": 0.05, "fall": 0.0}.get(kind, 0.02)
-    for i, foot in enumerate(state.robot.feet()):
-        corners, placement = np.asarray(foot.corners), foot.placement  # type: ignore[union-attr]
+    for i, foot in enumerate(feet):
+        corners, placement = np.asarray(foot.corners), foot.placement
         if kind == "stairs" and i == 0:
             corners = corners * [0.3, 1.0, 1.0] + [0.7 * corners[:, 0].max(), 0.0, 0.0]
         elif kind == "Painleve":
@@ -131,7 +134,7 @@ def _soles(state: State, kind: str, rng: np.random.Generator) -> list[Array]:
             grid = np.meshgrid(*(np.linspace(low[k], high[k], across[k]) for k in (0, 1)), [corners[0, 2]])
             corners = np.column_stack([axis.ravel() for axis in grid])
         normal = _unit(np.array([0.0, 0.0, 1.0]) + tilt * rng.normal(size=3))
-        found += _jacobians(state, foot.frame, [placement.act(corner) for corner in corners], normal)  # type: ignore[union-attr]
+        found += _jacobians(state, foot.frame, [placement.act(corner) for corner in corners], normal)
     return found
 
 
