@@ -26,7 +26,7 @@ EXACT = 1e-14
 FOUND = 1e-13
 """Largest entry of |w - P(w - y)|, over the largest weight and 1, of an answer."""
 _ROUNDS = 8
-_SWEEPS = 50
+_SWEEPS = 200
 _STARTS = 8
 _MOST_SWEEPS = 4000
 """Sweeps alone go on where so many more, at the rate of the last ones, end; of a problem of at least `_SMALL` columns."""
@@ -78,11 +78,11 @@ class SparseProblem:
         n, k, size = len(lower), len(mu), np.abs(D.diagonal())
         size[n:] = np.repeat(size[n:].reshape(k, -1).max(axis=1, initial=0.0), (len(q) - n) // max(k, 1))
         s = 1.0 / np.sqrt(np.maximum(size, 1e-12 * max_abs(size) or 1.0))
-        ends = np.concatenate([lower / s[:n], upper / s[:n]])
-        rate = max(max_abs(s * q), max_abs(ends[np.isfinite(ends)])) or 1.0
+        lower, upper = lower / s[:n], upper / s[:n]
+        rate = max(max_abs(s * q), lower.max(initial=0.0), (-upper).max(initial=0.0)) or 1.0  # forces far from zero
         scaled = csr_array(diags_array(s) @ D @ diags_array(s))
         scaled.sort_indices()
-        return cls(scaled, s * q / rate, ends[:n] / rate, ends[n:] / rate, mu, s * rate)
+        return cls(scaled, s * q / rate, lower / rate, upper / rate, mu, s * rate)
 
     @classmethod
     def of_scaled(cls, problem: Scaled) -> SparseProblem:

@@ -133,6 +133,8 @@ def _of_text(path: Path) -> FrictionProblem:
         given.update(W=first, q=text.numbers("q", size))
     else:
         H = text.matrix("H")
+        if H.shape != (first.shape[0], size):
+            raise InputError(f"{path.name}: H has shape {H.shape}; expected {(first.shape[0], size)}.")
         given.update(M=first, H=H, f=text.numbers("f", first.shape[0]), w=text.numbers("w", size))
     given["mu"] = text.numbers("mu", k)
     if rolling:

@@ -80,12 +80,14 @@ def _problem(title: str, kind: str, name: str, rng: np.random.Generator) -> Fric
     mu = rng.uniform(low, high, len(points))
     if kind == "Painleve":
         state, mu = _dragged(state, points, rng)
-    tau = np.zeros(len(state.v))
-    tau[6:] = state.h[6:] * rng.uniform(0.5, 1.5, len(tau) - 6)
+    H = np.hstack([J.T for J in points])
+    holds = np.linalg.lstsq(H[:6], state.h[:6], rcond=1e-10)[0]  # some forces that carry the weight
+    tau = state.h - H @ holds
+    tau[:6] = 0.0
+    tau[6:] *= rng.uniform(0.8, 1.2, len(tau) - 6)
     if kind == "jam":  # it presses outwards
         tau[6:] += rng.normal(scale=0.5, size=len(tau) - 6) * np.abs(state.h[6:]).max()
     free = state.M @ state.v + (0.0 if fall else _STEP) * (tau - state.h)
-    H = np.hstack([J.T for J in points])
     about = f"{kind} of {name}, drawn by rbd.audits.bench.humanoid_problems; impulses [N s], velocities [m/s]"
     return FrictionProblem(title, 3, mu=mu, M=state.M, H=H, f=free, w=np.zeros(H.shape[1]), about=about)
 
