@@ -239,7 +239,7 @@ class FrictionAnswer(Displayed):
         problem: The problem.
         r: Forces or impulses, normal first, shape (k dim,).
         solver: Who found them.
-        seconds: In what time [s].
+        seconds: In what time of the processor [s].
 
     Example:
         >>> drop = rbd.audits.bench.FrictionProblem("drop", 3, mu=[0.5], W=np.eye(3), q=[-1.0, 2.0, 0.0])
@@ -377,7 +377,7 @@ def solve(problem: FrictionProblem, guess: Array | None = None) -> FrictionAnswe
         >>> rbd.audits.bench.solve(at_rest).r
         array([19.62,  0.  ,  0.  ])
     """
-    start, P, order = time.perf_counter(), problem, problem.normals_last
+    start, P, order = time.process_time(), problem, problem.normals_last
     mu = np.column_stack([P.mu, P.mu if P.mu_r is None else P.mu_r])
     D, free = P.delassus[order][:, order], P.free[order]
     r = np.zeros(len(order)) if guess is None else as_finite("guess", guess, P.free.shape)[order]
@@ -387,7 +387,7 @@ def solve(problem: FrictionProblem, guess: Array | None = None) -> FrictionAnswe
     for _ in range(_CORRECTIONS):
         r = np.empty(len(order))
         r[order] = S.unit * w
-        found = P.answer(r, "sparse Newton", time.perf_counter() - start)
+        found = P.answer(r, "sparse Newton", time.process_time() - start)
         if best is None or found.natural_map < best.natural_map:
             best = found
         if best.natural_map <= _ENOUGH:

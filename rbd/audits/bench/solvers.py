@@ -172,9 +172,9 @@ def compare(problems: Iterable[FrictionProblem], solvers: Sequence[str] = tuple(
 
 
 def _judged(problem: FrictionProblem, name: str) -> FrictionAnswer | str:
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         r = SOLVERS[name](problem)
     except Unsupported as error:
         return str(error)
-    return problem.answer(np.where(np.isfinite(r), r, 0.0), name, time.perf_counter() - start)
+    return problem.answer(np.where(np.isfinite(r), r, 0.0), name, time.process_time() - start)
