@@ -146,7 +146,7 @@ class TestDrawnProblems:
     def test_nonsense_is_refused(self):
         """A scene that there is not, numbers that are none."""
         for asked, told in (
-            ({"scenes": ["dance"]}, "scenes are"),
+            ({"scenes": ["dance"]}, "a scene is 'dance'"),
             ({"count": -1}, "count is -1"),
             ({"seed": 0.5}, "seed is 0.5"),
         ):
@@ -186,5 +186,5 @@ class TestSolvers:
         found = compare([alone(PUSHED["slides and rolls"][0])], ["rbd, sparse Newton", "Pinocchio, PGS"])
         assert found.solved("rbd, sparse Newton") == 1 and not found.taken("Pinocchio, PGS")
         assert "resists rolling" in str(found.answers["Pinocchio, PGS"][0])
-        with pytest.raises(rbd.InputError, match="solvers has 'magic'"):
+        with pytest.raises(rbd.InputError, match="a solver is 'magic'"):
             compare([], ["magic"])

@@ -8,7 +8,8 @@ rolling; a number may follow. A matrix is dense or of blocks. HDF5: groups `fcli
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+import os
 from pathlib import Path
 from typing import Any
 
@@ -18,22 +19,26 @@ from rbd.arrays import Array
 from rbd.audits.bench.friction import FrictionAnswer, FrictionProblem
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
+from rbd.model.array_file import a_path
+from rbd.model.input_files import file_bytes
+from rbd.model.output_files import write_file
 
 LARGEST = 1 << 28
 """Bytes of a file, and entries of what it holds, at most."""
 _MOST_ROWS = 1_000_000
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _MOST_GUESSES = 100
 
 
-def read(path: str | Path) -> FrictionProblem:
+def read(path: str | os.PathLike[str]) -> FrictionProblem:
     """The friction problem of a file, FCLIB's HDF5 or Siconos' text, by its first bytes.
 
     Args:
         path: The file.
 
     Raises:
-        InputError: no such file; one that is too large; a field that is missing, of another size, or no number: by its name.
+        ModelError: no regular file.
+        InputError: one that is too large; a field that is missing, of another size, or no number: by its name.
             h5py is not installed (extra `bench`).
 
     Example:
@@ -41,15 +46,12 @@ def read(path: str | Path) -> FrictionProblem:
         >>> rbd.audits.bench.read(rbd.audits.bench.write("drop.dat", problem))
         FrictionProblem('drop.dat', local, dim=3, contacts=1)
     """
-    path = Path(path)
+    path = a_path(path, "the name of a file, e.g. 'problem.hdf5'")
+    data = file_bytes(path, LARGEST, "a friction problem")
+    if len(data) > LARGEST:
+        raise InputError(f"{path.name} has more than {LARGEST} bytes; expected fewer.")
     try:
-        size = path.stat().st_size if path.is_file() else -1
-        if not 0 <= size <= LARGEST:
-            what = "is no file" if size < 0 else f"has {size} bytes"
-            raise InputError(f"{path.name} {what}; expected a file of at most {LARGEST} bytes.")
-        with path.open("rb") as file:
-            start = file.read(len(_HDF5))
-        return _of_hdf5(path) if start == _HDF5 else _of_text(path)
+        return _of_hdf5(path.name, data) if data.startswith(_SIGNATURE) else _of_text(path.name, data.decode("ascii"))
     except InputError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError) as error:  # of text that is no ASCII, and of HDF5's library
@@ -62,8 +64,8 @@ def read(path: str | Path) -> FrictionProblem:
 class _Words:
     """The words of a text, taken in order, each with the name of its field."""
 
-    def __init__(self, path: Path) -> None:
-        self.name, self.words, self.at = path.name, path.read_text("ascii").split(), 0
+    def __init__(self, name: str, text: str) -> None:
+        self.name, self.words, self.at = name, text.split(), 0
 
     def numbers(self, what: str, count: int) -> Array:
         if count > len(self.words) - self.at:
@@ -121,8 +123,8 @@ class _Words:
         return csr_array(coo_array((data, (I, J)), (m, n)))
 
 
-def _of_text(path: Path) -> FrictionProblem:
-    text = _Words(path)
+def _of_text(name: str, content: str) -> FrictionProblem:
+    text = _Words(name, content)
     dim = text.count("dimension", 5)
     k = text.count("number of contacts")
     first = text.matrix("W or M")
@@ -134,14 +136,14 @@ def _of_text(path: Path) -> FrictionProblem:
     else:
         H = text.matrix("H")
         if H.shape != (first.shape[0], size):
-            raise InputError(f"{path.name}: H has shape {H.shape}; expected {(first.shape[0], size)}.")
+            raise InputError(f"{name}: H has shape {H.shape}; expected {(first.shape[0], size)}.")
         given.update(M=first, H=H, f=text.numbers("f", first.shape[0]), w=text.numbers("w", size))
     given["mu"] = text.numbers("mu", k)
     if rolling:
         given["mu_r"] = text.numbers("mu_r", k)
     if len(text.words) - text.at > 1:
-        raise InputError(f"{path.name}: {len(text.words) - text.at} words follow mu; expected one number at most.")
-    return FrictionProblem(path.name, dim, **given)
+        raise InputError(f"{name}: {len(text.words) - text.at} words follow mu; expected one number at most.")
+    return FrictionProblem(name, dim, **given)
 
 
 def _of_text_matrix(A: Any) -> list[str]:
@@ -234,16 +236,16 @@ class _Group:
         return raw.decode("utf-8", "replace").strip("\0 \n") if isinstance(raw, bytes) else ""
 
 
-def _of_hdf5(path: Path) -> FrictionProblem:
-    with _h5py().File(path, "r") as file:
-        top = _Group(path.name, file)
+def _of_hdf5(title: str, data: bytes) -> FrictionProblem:
+    with _h5py().File(io.BytesIO(data), "r") as file:
+        top = _Group(title, file)
         kinds = [name for name in _KINDS if name in file]
         if not kinds:
-            raise InputError(f"{path.name} holds {list(file)[:5]}; expected one of {', '.join(_KINDS)}.")
+            raise InputError(f"{title} holds {list(file)[:5]}; expected one of {', '.join(_KINDS)}.")
         own = top.below(kinds[0])
         for what in ("G", "R", "V"):
             if what in own.group:
-                raise InputError(f"{path.name}: {own.group.name}/{what}: equations beside those of contacts are not read.")
+                raise InputError(f"{title}: {own.group.name}/{what}: equations beside those of contacts are not read.")
         vectors, given = own.below("vectors"), dict[str, Any]()
         if "M" in own.group:
             given.update(M=own.matrix("M"), H=own.matrix("H"), f=vectors.numbers("f"), w=vectors.numbers("w"))
@@ -262,9 +264,9 @@ def _of_hdf5(path: Path) -> FrictionProblem:
         for name, place in places:
             r, size = place.below(name).numbers("r"), dim * len(given["mu"])
             if r.shape != (size,):
-                raise InputError(f"{path.name}: {place.group.name}/{name}/r has {len(r)} numbers; expected {size}.")
+                raise InputError(f"{title}: {place.group.name}/{name}/r has {len(r)} numbers; expected {size}.")
             known[name if place is top else f"guess {name}"] = r.astype(float)
-        return FrictionProblem(path.name, dim, known=known, **given)
+        return FrictionProblem(title, dim, known=known, **given)
 
 
 _KINDS = ("fclib_local", "fclib_global", "fclib_local_rolling", "fclib_global_rolling")
@@ -274,7 +276,7 @@ _FILTERS = {1, 2, 3}  # deflate, shuffle, checksum: HDF5's own, so that no plug-
 # -------------------------------------------------------------------------------------------------------------------- writing
 
 
-def write(path: str | Path, problem: FrictionProblem, answer: FrictionAnswer | None = None) -> Path:
+def write(path: str | os.PathLike[str], problem: FrictionProblem, answer: FrictionAnswer | None = None) -> Path:
     """The path of a problem written to a new file: HDF5 if its name ends in .hdf5 or .h5, else text.
 
     Args:
@@ -290,31 +292,31 @@ def write(path: str | Path, problem: FrictionProblem, answer: FrictionAnswer | N
         >>> print(rbd.audits.bench.write("stand.dat", problem))
         stand.dat
     """
-    path = Path(path)
+    path = a_path(path, "the name of a file, e.g. 'problem.hdf5'")
     check_kind("problem", problem, FrictionProblem, "a FrictionProblem")
     hdf5 = path.suffix in (".hdf5", ".h5")
-    if answer is not None and (answer.problem is not problem or not hdf5):
-        raise InputError(f"{path.name}: an answer is stored with its own problem, in an .hdf5 file.")
-    save: Callable[[], object] = (lambda: _save_hdf5(path, problem, answer)) if hdf5 else (lambda: _save_text(path, problem))
-    try:
-        save()
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error}.") from error
+    if answer is not None:
+        check_kind("answer", answer, FrictionAnswer, "a FrictionAnswer, or None")
+        if answer.problem is not problem or not hdf5:
+            raise InputError(f"{path.name}: an answer is stored with its own problem, in an .hdf5 file.")
+    data = _hdf5(problem, answer) if hdf5 else _text(problem).encode("ascii")
+    write_file(path, lambda file: file.write(data))
     return path
 
 
-def _save_text(path: Path, P: FrictionProblem) -> None:
+def _text(P: FrictionProblem) -> str:
     if P.M is None:
         parts = [*_of_text_matrix(P.W), _line(P.free)]
     else:
         assert P.f is not None and P.w is not None
         parts = [*_of_text_matrix(P.M), *_of_text_matrix(P.H), _line(P.f), _line(P.w)]
     rolling = [] if P.mu_r is None else [_line(P.mu_r)]
-    path.write_text("\n".join([str(P.dim), str(len(P.mu)), *parts, _line(P.mu), *rolling]) + "\n", "ascii")
+    return "\n".join([str(P.dim), str(len(P.mu)), *parts, _line(P.mu), *rolling]) + "\n"
 
 
-def _save_hdf5(path: Path, P: FrictionProblem, answer: FrictionAnswer | None) -> None:
-    with _h5py().File(path, "w") as file:
+def _hdf5(P: FrictionProblem, answer: FrictionAnswer | None) -> bytes:
+    out = io.BytesIO()
+    with _h5py().File(out, "w") as file:
         kind = ("fclib_local" if P.M is None else "fclib_global") + ("" if P.mu_r is None else "_rolling")
         own = file.create_group(kind)
         own["spacedim"] = np.array([P.dim], np.int32)
@@ -331,3 +333,4 @@ def _save_hdf5(path: Path, P: FrictionProblem, answer: FrictionAnswer | None) ->
             file["solution/r"], file["solution/u"] = answer.r, answer.u
             if P.M is not None:
                 file["solution/v"] = answer.v
+    return out.getvalue()

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_finite, lazy, max_abs
+from rbd.arrays import Array, as_finite, check_whole, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Unsupported
+from rbd.errors.inputs import check_kind
 from rbd.problem.cones import FrictionCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
@@ -80,8 +81,11 @@ class FrictionProblem(Displayed):
     known: dict[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.dim not in _DIMENSIONS:
-            raise InputError(f"{self.name}: the dimension is {self.dim!r:.40}; expected 2 or 3, or 5 with rolling.")
+        for what in ("name", "about"):
+            check_kind(f"the {what} of a friction problem", getattr(self, what), str, "a text")
+        check_kind("known", self.known, dict, "{name: forces}")
+        if check_whole(f"{self.name}: the dimension", self.dim, 5) not in _DIMENSIONS:
+            raise InputError(f"{self.name}: the dimension is {self.dim}; expected 2 or 3, or 5 with rolling.")
         mu = self._vector("mu", self.mu, "k")
         size = self.dim * len(mu)
         rolling = self._vector("mu_r", self.mu_r, len(mu)) if self.dim == 5 else None
@@ -245,7 +249,7 @@ class FrictionAnswer(Displayed):
         >>> drop = rbd.audits.bench.FrictionProblem("drop", 3, mu=[0.5], W=np.eye(3), q=[-1.0, 2.0, 0.0])
         >>> wrong = drop.answer(np.array([1.0, 0.0, 0.0]))  # it slides, and nothing rubs
         >>> wrong.verdict, wrong.natural_map
-        ('not solved', 0.25)
+        ('not solved', 0.2)
     """
 
     problem: FrictionProblem
@@ -377,6 +381,7 @@ def solve(problem: FrictionProblem, guess: Array | None = None) -> FrictionAnswe
         >>> rbd.audits.bench.solve(at_rest).r
         array([19.62,  0.  ,  0.  ])
     """
+    check_kind("problem", problem, FrictionProblem, "a FrictionProblem")
     start, P, order = time.process_time(), problem, problem.normals_last
     mu = np.column_stack([P.mu, P.mu if P.mu_r is None else P.mu_r])
     D, free = P.delassus[order][:, order], P.free[order]

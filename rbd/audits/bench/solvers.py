@@ -7,7 +7,7 @@ and Clarabel's law is the convex one, in which points that slide also lift: `Fri
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from rbd.arrays import Array
 from rbd.audits.bench.friction import FrictionAnswer, FrictionProblem, solve
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Unsupported
+from rbd.errors.inputs import check_choice, check_kind, listed_items
 from rbd.solvers.conic_newton import interior_point
 from rbd.solvers.default import GaussFirst
 from rbd.solvers.newton import Scaled, scaled
@@ -162,11 +163,13 @@ def compare(problems: Iterable[FrictionProblem], solvers: Sequence[str] = tuple(
         >>> [name for name in rbd.audits.bench.SOLVERS if found.solved(name)]
         ['rbd, sparse Newton', 'rbd, default solver', 'Pinocchio, ADMM', 'Pinocchio, PGS']
     """
-    if unknown := [name for name in solvers if name not in SOLVERS]:
-        raise InputError(f"solvers has {unknown[0]!r:.80}; expected some of {', '.join(SOLVERS)}.")
-    found: dict[str, list[FrictionAnswer | str]] = {name: [] for name in solvers}
-    for problem in problems:
-        for name in solvers:
+    names = listed_items("solvers", solvers, "names of SOLVERS")
+    for name in names:
+        check_choice("a solver", name, SOLVERS)
+    found: dict[str, list[FrictionAnswer | str]] = {name: [] for name in names}
+    for problem in problems if isinstance(problems, Iterator) else listed_items("problems", problems, "friction problems"):
+        check_kind("a problem", problem, FrictionProblem, "a FrictionProblem")
+        for name in names:
             found[name].append(_judged(problem, name))
     return Comparison({name: tuple(answers) for name, answers in found.items()})
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_seed, check_whole
 from rbd.audits.bench.friction import FrictionProblem
 from rbd.audits.bench.scenes import tangents
 from rbd.errors import InputError
@@ -37,10 +37,7 @@ def spheres_in_a_box(side: int = 10, layers: int = 11, *, friction: float = 0.5,
         >>> problem, answer.verdict, bool(np.abs(answer.u).max() < 1e-12)
         (FrictionProblem('13 spheres', global, nv=78, dim=3, contacts=37), 'solved', True)
     """
-    for what, value, least in (("side", side, 2), ("layers", layers, 1), ("seed", seed, 0)):
-        most = 100 if what != "seed" else 1 << 32
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-            raise InputError(f"{what} is {value!r:.80}; expected a whole number from {least} to {most}.")
+    side, layers, seed = check_whole("side", side, 100, least=2), check_whole("layers", layers, 100), check_seed(seed)
     if not 0.0 <= as_float(friction) < 1e6:
         raise InputError(f"friction is {friction!r:.80}; expected a number of 0 or more.")
     from scipy.sparse import coo_array, diags_array
