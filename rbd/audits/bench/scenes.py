@@ -97,7 +97,8 @@ def _moved(state: State, kind: str, rng: np.random.Generator) -> State:
     turned = rng.normal(scale=bend, size=nv)
     turned[:6] = rng.normal(scale=0.02 if kind != "fall" else 0.3, size=6)
     q = pin.integrate(robot.model, state.q, turned)
-    v = rng.normal(scale=0.02, size=nv)
+    pushed = 0.5 if kind != "Painleve" and rng.random() < 0.5 else 0.02
+    v = rng.normal(scale=pushed, size=nv)
     if kind == "fall":
         v = rng.normal(scale=0.5, size=nv)
         v[2] -= rng.uniform(1.0, 3.0)
@@ -112,7 +113,8 @@ def _dragged(state: State, points: Sequence[Array], rng: np.random.Generator) ->
     """
     blocks = [J @ np.linalg.solve(state.M, J.T) for J in points]
     along, v = blocks[0][0, 1:] / np.linalg.norm(blocks[0][0, 1:]), state.v.copy()
-    v[:3] += rng.uniform(0.5, 2.0) * (along @ points[0][1:, :3])  # the base moves, and the point with it
+    v[:3] += rng.uniform(0.5, 2.0) * (along @ points[0][1:, :3])  # the base moves, and the point with it,
+    v[:3] -= rng.uniform(0.2, 0.6) * points[0][0, :3]  # towards the ground
     critical = np.array([W[0, 0] / np.linalg.norm(W[0, 1:]) for W in blocks])
     return State(state.robot, state.q, v), np.minimum(critical, 20.0) * rng.uniform(1.1, 2.0, len(points))
 
