@@ -8,7 +8,7 @@ QUICK := $(addprefix tests/,test_layers.py test_cones.py test_problem.py test_re
 	test_state.py test_dynamics.py test_robot.py test_equilibrium.py test_rows.py test_errors.py solvers/test_kkt.py \
 	solvers/test_newton.py constraints/test_loop.py mechanism/test_assembly.py simulation/test_impacts.py test_readme.py)
 
-.PHONY: help demo docs test test-long time-tests quick exhaustive lint bench fuzz mutants coverage pictures clean
+.PHONY: help demo docs test test-long time-tests quick exhaustive lint bench bench-contact fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
@@ -17,6 +17,7 @@ help:
 	@echo "make quick     what a change breaks first, in half a minute"
 	@echo "make exhaustive all tests, statistical ones with all their draws"
 	@echo "make bench     what answers and steps cost beside Pinocchio's and MuJoCo's own calls, with their marks"
+	@echo "make bench-contact  friction solvers by recomputed residual: the tables of docs/reference/contact_bench.md; FILES=folder of public problems"
 	@echo "make fuzz      robot files broken on purpose (N=20000 URDF, N_MJCF=4000 MJCF) and PROBLEMS=5000 random problems: refused by name, or right"
 	@echo "make mutants   small faults put into the code on purpose, N=300 of them by SEED=0: each noticed by a test"
 	@echo "make coverage  which lines and branches the tests execute, in processes that they start, too"
@@ -59,6 +60,9 @@ lint: $(MARKER)
 
 bench: $(MARKER)
 	$(BIN)/python tests/bench.py
+
+bench-contact: $(MARKER)
+	$(BIN)/python tests/bench_contact.py --write $(if $(FILES),--files $(FILES))
 
 fuzz: N ?= 20000
 N_MJCF ?= 4000

@@ -57,7 +57,7 @@ def _accuracy(found: Accuracy) -> list[str]:
     return _table(cells)
 
 
-def _measured_with() -> str:
+def measured_with() -> str:
     of = versions()
     told = ", ".join(f"{name} {of[name]}" for name in ("python", "pin", "numpy", "proxsuite", "numba", "mujoco"))
     return f"Processor times of one run: {told}; {of['processor']}."
@@ -84,13 +84,13 @@ def reference(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> st
     if accuracy:
         told = "What a second of free fall does to the energy, and how deep the feet sink in a second of standing:"
         parts += [[told], _accuracy(accuracy)]
-    parts.append([_measured_with()])
+    parts.append([measured_with()])
     return put(page, "speed", "\n\n".join("\n".join(part) for part in parts))
 
 
 def work(page: Path, cells: list[list[str]]) -> str:
     """Put the table of errors over time into the page on speed."""
-    return put(page, "work", "\n".join([*_table(cells), "", _measured_with()]))
+    return put(page, "work", "\n".join([*_table(cells), "", measured_with()]))
 
 
 def studies(page: Path, found: dict[str, list[Row]]) -> str:
@@ -108,16 +108,16 @@ def studies(page: Path, found: dict[str, list[Row]]) -> str:
 def design(page: Path, profiles: dict[str, Columns]) -> str:
     """Put the parts of a call and of a step into the page on speed."""
     parts = [f"{title}:\n\n" + "\n".join(_table(lines(columns))) for title, columns in profiles.items()]
-    return put(page, "profile", "\n\n".join([*parts, _measured_with()]))
+    return put(page, "profile", "\n\n".join([*parts, measured_with()]))
 
 
-def put(page: Path, place: str, text: str) -> str:
+def put(page: Path, place: str, text: str, by: str = "bench") -> str:
     """Replace what stands between the two marks of a place, and return the new text.
 
     Raises:
         ValueError: if the page has not both marks, once each.
     """
-    begin, end = f"<!-- {place}: made by tests/bench.py -->", f"<!-- end of {place} -->"
+    begin, end = f"<!-- {place}: made by tests/{by}.py -->", f"<!-- end of {place} -->"
     old = page.read_text(encoding="utf-8")
     if old.count(begin) != 1 or old.count(end) != 1:
         raise ValueError(f"{page.name} has no place for these tables: {begin} ... {end}")

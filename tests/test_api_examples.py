@@ -22,7 +22,7 @@ PACKAGES = [
     "rbd",
     *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg),
     *("rbd.answers.analysis", "rbd.answers.many", "rbd.answers.prepared", "rbd.constraints.forces"),
-    *("rbd.mechanism.small_motion", "rbd.motion.identification"),
+    *("rbd.audits.bench", "rbd.mechanism.small_motion", "rbd.motion.identification"),
     "rbd.dynamics",
 ]
 SHOWN = [package for package in PACKAGES if package not in ("rbd.answers", "rbd.cli", "rbd.answers.prepared")]

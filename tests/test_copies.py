@@ -310,6 +310,12 @@ def planar_chains() -> Iterator[object]:
     yield chain.function(chain.position())
 
 
+def friction_problems() -> Iterator[object]:
+    """A friction problem, its answer, and answers of several solvers."""
+    problem = next(rbd.audits.bench.humanoid_problems(1))
+    yield from (problem, rbd.audits.bench.solve(problem), rbd.audits.bench.compare([problem], ["rbd, sparse Newton"]))
+
+
 @pytest.fixture(scope="module")
 def found() -> dict[type, list[Any]]:
     """{class: instances} of all questions above."""
@@ -326,6 +332,7 @@ def found() -> dict[type, list[Any]]:
             reference_motions,
             planar_chains,
             springs,
+            friction_problems,
         )
         return instances([answer for ask in questions for answer in ask()])
 
@@ -342,7 +349,7 @@ PUBLIC += (
     "rbd.motion",
     "rbd.constraints.forces",
 )
-PUBLIC += ("rbd.motion.identification",)
+PUBLIC += ("rbd.motion.identification", "rbd.audits.bench")
 
 
 def public_classes() -> list[type]:

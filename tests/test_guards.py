@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
-from itertools import combinations
+from itertools import combinations, islice
 from pathlib import Path
 from typing import Any
 
@@ -1599,7 +1599,64 @@ CASES |= {
         20,
     ),
 }
+DROP = rbd.audits.bench.FrictionProblem("drop", 3, mu=[0.5], W=np.eye(3), q=np.array([-1.0, 0.1, 0.0]))
+STEP = {"name": "step", "dim": 2, "mu": np.array([0.5]), "M": np.diag([2.0, 1.0]), "H": np.eye(2), "w": np.zeros(2)} | {
+    "f": np.array([-1.0, 3.0]), "about": "a step", "known": {}
+}  # fmt: skip
+DROPPED = rbd.audits.bench.write(WORLD.with_name("drop.dat"), DROP)
+
+
+def use_friction(problem: Any) -> Any:
+    """What the bench makes of a problem."""
+    answer = rbd.audits.bench.solve(problem)
+    assert answer.solved
+    return answer.u, answer.v, answer.natural_map  # its forces need not be unique
+
+
+CASES |= {
+    "bench.FrictionProblem": Case(lambda **given: use_friction(rbd.audits.bench.FrictionProblem(**given)), STEP, 30),
+    "bench.FrictionProblem, local": Case(
+        lambda **given: use_friction(rbd.audits.bench.FrictionProblem("rolls", **given)),
+        {"dim": 5, "mu": [0.5], "mu_r": [0.1], "W": np.eye(5), "q": np.array([-1.0, 1.0, 0.0, 0.0, 2.0])},
+        30,
+    ),
+    "bench.solve": Case(lambda **given: rbd.audits.bench.solve(**given).u, {"problem": DROP, "guess": np.zeros(3)}, 20),
+    "bench.compare": Case(
+        lambda **given: use_answers(rbd.audits.bench.compare(**given)),
+        {"problems": [DROP], "solvers": ["rbd, sparse Newton", "Pinocchio, PGS"]},
+        10,
+    ),
+    "bench.humanoid_problems": Case(
+        lambda **given: [problem.f for problem in islice(rbd.audits.bench.humanoid_problems(**given), 2)],
+        {"count": 2, "seed": 1, "scenes": ["fall", "jam"]},
+        10,
+    ),
+    "bench.spheres_in_a_box": Case(
+        lambda **given: use_spheres(**given), {"side": 2, "layers": 2, "friction": 0.5, "seed": 1}, 10
+    ),
+    "bench.read": Case(lambda **given: use_friction(rbd.audits.bench.read(**given)), {"path": DROPPED}, 10),
+    "bench.write": Case(
+        lambda **given: str(rbd.audits.bench.write(**given)),
+        {"path": DROPPED.with_name("again.dat"), "problem": DROP, "answer": None},
+        10,
+    ),
+}
+
+
+def use_answers(found: Any) -> Any:
+    """What several solvers make of problems."""
+    return [answer.u for name in found.answers for answer in found.taken(name)]
+
+
+def use_spheres(**given: Any) -> Any:
+    """The matrices of a few spheres."""
+    problem = rbd.audits.bench.spheres_in_a_box(**given)
+    return problem.f, problem.mu
+
+
 MADE_BY_RBD = {
+    "Comparison",
+    "FrictionAnswer",
     "Plan",
     "MomentumProof",
     "WalkPlan",
@@ -1882,6 +1939,7 @@ def public() -> Iterator[str]:
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
     rooms += [("small_motion.", rbd.mechanism.small_motion, rbd.mechanism.small_motion.__all__)]
     rooms += [("identification.", rbd.motion.identification, rbd.motion.identification.__all__)]
+    rooms += [("bench.", rbd.audits.bench, rbd.audits.bench.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:

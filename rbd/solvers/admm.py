@@ -38,6 +38,8 @@ HELD = (
 )
 """`Answer.reason` where the convex law's answer satisfies Coulomb's law too."""
 _RANDOM_STARTS = 4
+_MANY, _SPARSE = 300, 0.3
+"""Columns from which on a problem is tried as a sparse one, and the share of D's entries that may differ from zero then."""
 _FIXED_POINT_STEPS = 12
 _COMPLIANCES = (1e-2, 1e-3, 1e-4)
 """Of proximal rounds from an interior point that is too coarse for Newton's method, as with a friction of 1e6."""
@@ -65,6 +67,9 @@ class ConeSolver(Displayed):
         5  "cones: interior point, Newton": an interior-point method for the convex law, then Newton; for Coulomb's law as a
            fixed point on De Saxce's term
         6  Coulomb's law only, "cones: Newton" from random weights
+
+    Before these, under Coulomb's law, "cones: sparse Newton" (`rbd.solvers.sparse_newton`) where a hundred contacts or more are
+    between many bodies, so that most entries of D are zero. No other motion is then looked for.
 
     Points that already slide have no friction cone: "modes of sliding points" (`rbd.solvers.sliding`).
 
@@ -179,6 +184,8 @@ class _ConeSearch:
         With `others` the convex law's motion is looked for, too.
         """
         T = self.P.force_set
+        if wanted == 1 and weights is None and self.coulomb and self.by_sparse_newton():
+            return self.answers[0]
         w = holding(self.P)
         first = T.project(w)
         holds = wanted == 1 and max_abs(first - w) <= 1e-13 * max_abs(w)
@@ -244,6 +251,16 @@ class _ConeSearch:
         """The problem, scaled."""
         T = self.P.force_set
         return scaled(self.W.T @ self.W, T.H.T @ self.P.free_row_acceleration + T.offset, T)
+
+    def by_sparse_newton(self) -> bool:
+        """Whether the steps of `rbd.solvers.sparse_newton` found an answer, of many contacts between many bodies."""
+        if self.P.force_set.size < _MANY or np.count_nonzero(self.S.D) > _SPARSE * self.S.D.size:
+            return False
+        from rbd.solvers.sparse_newton import SparseProblem, solve_sparse  # imports scipy.sparse
+
+        self.method = "cones: sparse Newton"
+        w, _, self.iterations = solve_sparse(SparseProblem.of_scaled(self.S))
+        return self._judge(self.P.force_set.project(self.S.weights(w)))
 
     def _firmer(self, w: Array) -> Array:
         """Weights that give every row zero acceleration, refined once: with large friction the last digits count."""
@@ -330,6 +347,19 @@ class _ConeSearch:
         else:
             reason = "the rows can barely be satisfied, or not at all: no method found weights within tolerance"
         return replace(self.best, seconds=seconds, iterations=self.iterations, infeasible=self.infeasible, reason=reason)
+
+
+def of_many_contacts(P: GaussProblem, start: float) -> Answer | None:
+    """The answer of Coulomb's law by `rbd.solvers.sparse_newton`; None where D is not sparse, or none was found.
+
+    Args:
+        P: Without sliding points.
+        start: Of the search, by `time.perf_counter`.
+    """
+    if P.force_set.size < _MANY:
+        return None
+    search = _ConeSearch(P, COULOMB, start)
+    return search.answers[0] if search.by_sparse_newton() else None
 
 
 def holding(P: GaussProblem) -> Array:

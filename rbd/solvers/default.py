@@ -26,7 +26,7 @@ from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import CONVEX, COULOMB, GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.solvers import Solver, checked_solver
-from rbd.solvers.admm import ConeSolver
+from rbd.solvers.admm import ConeSolver, of_many_contacts
 from rbd.solvers.conic_newton import by_dual
 from rbd.solvers.kkt import KKT, constrained
 from rbd.solvers.proxqp import ProxQP, eased
@@ -79,7 +79,8 @@ def solver_of(law: Law | str | None, solver: Solver | None) -> Solver:
 class GaussFirst:
     """Coulomb's law: the answer of Gauss's least-constraint QP where that is Coulomb's, else that of circular cones.
 
-    Tried in order: the closed form if all rows are bilateral; `ProxQP`; `ConeSolver(law="coulomb")` from the QP's forces.
+    Tried in order: the closed form if all rows are bilateral; the sparse steps of `ConeSolver` where a hundred contacts or more
+    are between many bodies; `ProxQP`; `ConeSolver(law="coulomb")` from the QP's forces.
     The answer's `method` names it. Where Coulomb's law has several motions the answer is one of them. Where redundant points
     stick only by internal forces, jammed, the cones search another motion, which then is in `others`.
     """
@@ -98,6 +99,9 @@ class GaussFirst:
             return KKT().solve(P)
         if P.force_set.slipping:
             return ConeSolver().solve(P)
+        many = of_many_contacts(P, start)
+        if many is not None:
+            return many
         convex = ProxQP().solve(P)
         if not (convex.residuals.within(SOLVED) or convex.residuals.within(USABLE)):
             return ConeSolver().solve_from(P, None, start)

@@ -48,6 +48,26 @@ def admm(
     return (found if np.isfinite(found).all() else guess), result.iterations
 
 
+def pgs(problem: Scaled, *, iterations: int, tolerance: float) -> Array:
+    """Weights of projected Gauss-Seidel for Coulomb's law, from zero, in the problem's units and order.
+
+    Args:
+        problem: With a symmetric D.
+        iterations: Largest number of sweeps.
+        tolerance: Absolute, on feasibility and complementarity.
+    """
+    order, settings = problem.order, pin.PGSSolverSettings()
+    models, datas = _stand_ins(order.singles, tuple(order.mu.tolist()), problem.lower.tobytes(), problem.upper.tobytes())
+    settings.absolute_feasibility_tol = settings.absolute_complementarity_tol = tolerance
+    settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0
+    settings.max_iterations, settings.solve_ncp = iterations, True
+    result = pin.PGSSolverResult()
+    delassus = pin.DelassusOperatorDense(np.asfortranarray(problem.D))
+    pin.PGSConstraintSolver(len(problem.q)).solve(delassus, problem.q, models, datas, settings, result)
+    found = result.retrieveConstraintImpulses()
+    return found if np.isfinite(found).all() else np.zeros(len(problem.q))
+
+
 @lru_cache(maxsize=64)
 def _stand_ins(
     singles: int, mu: tuple[float, ...], lower: bytes, upper: bytes

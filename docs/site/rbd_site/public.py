@@ -17,7 +17,8 @@ PACKAGES = tuple(
     for name in (
         *("dynamics", "constraints", "constraints.forces", "problem", "solvers", "answers.analysis", "answers.many"),
         *("robots", "model", "statics", "centroid", "control", "mechanism", "mechanism.small_motion", "simulation"),
-        *("planning", "audits", "motion", "motion.identification", "studies", "planar", "visual", "testing", "errors"),
+        *("planning", "audits", "audits.bench", "motion", "motion.identification", "studies", "planar", "visual"),
+        *("testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
