@@ -44,10 +44,12 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-SHARES, FARTHER = (0.86, INNER, 0.25), (0.97, 0.995, 1e-3)
-"""Shares of friction and of soles with which poses and forces are sought, and of what points press with, at least; at last."""
-TRIED, FLIGHTS = ((50.0, *SHARES), (100.0, *SHARES), (100.0, *FARTHER)), ((300.0, *SHARES), (400.0, *SHARES))
-"""(knots a second, and these) that are tried in turn; and where nothing stands for a time."""
+SHARES, LOADED = (0.86, INNER), (0.25, 1e-3)
+"""Shares of friction and of soles with which plans are sought; what points press with at least, first and at last."""
+SPARED, PER_SECOND = (0.03, 0.005), 100.0
+"""What is spared of friction and of soles at last, with so many knots a second; it changes with the square of h, as bounds do."""
+RATES, FLIGHT_RATES = (50.0, 100.0), (300.0, 400.0)
+"""Knots a second that are tried in turn; and where nothing stands for a time."""
 COM, FLYING_COM = 0.02, 0.005
 """Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]; and where nothing stands for a time:
 with more it leaves the ground on legs that are nearly straight, and they have no way left on which to come to rest."""
@@ -235,6 +237,7 @@ def plan(
     cost: CentroidCosts | None = None,
     limits: bool | float = True,
     self_collision: bool = True,
+    rate: float | None = None,
     progress: bool = True,
 ) -> Plan:
     """A motion from keyframe to keyframe over given contacts, possible at every instant, with its forces and torques.
@@ -259,13 +262,17 @@ def plan(
             2.5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
             found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
-        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan, 97 % at last.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
             is found, within 10 % or of eight that are tried; those given are the first.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
         limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
         self_collision: Whether bodies are kept apart.
+        rate: Knots a second; None: 50, then 100, and 300, then 400 where nothing stands for a time. Accelerations are linear
+            over the time h between two knots, and zero at the first two and the last two: of what a limit of accelerations
+            allows in a time T from rest to rest (1 - 3 h / T)^2 can be found. 1 - 0.03 (h / 0.01 s)^2 of the friction is used
+            at last, but not less than 86 %.
         progress: Show a bar on a terminal.
 
     Raises:
@@ -292,9 +299,10 @@ def plan(
     check_choice("times of plan", times, ("given", "free"))
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
+    rate = None if rate is None else check_number("rate of plan", rate, 10.0, 5000.0, expected="knots a second, 400")
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
-    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress).planned
+    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress, rate).planned
     if times == "free":
         planned = partial(shortest, planned=planned)
     if not isinstance(contacts, str):
@@ -316,6 +324,14 @@ class _Settings:
     self_collision: bool
     torques: Callable[[Array], tuple[Array, Array]]
     progress: bool
+    rate: float | None
+
+    def tries(self, flies: bool) -> list[tuple[float, float, float, float]]:
+        """(knots a second, shares of friction and of soles, and of what points press with at least) that are tried in turn."""
+        rates = (FLIGHT_RATES if flies else RATES) if self.rate is None else (self.rate,)
+        friction, inner = (max(x, 1.0 - y * (PER_SECOND / rates[-1]) ** 2) for x, y in zip(SHARES, SPARED, strict=True))
+        last = [(rates[-1], friction, inner, LOADED[1])] if self.rate is not None or not flies else []
+        return [*((rate, *SHARES, LOADED[0]) for rate in rates), *last]
 
     def planned(self, supports: PlannedContacts) -> Plan:
         """The plan over these contacts, at these times.
@@ -331,7 +347,7 @@ class _Settings:
         found, failed = list[Plan](), None
         with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
             first, last = supports.keys[0][0], supports.keys[-1][0]
-            tries = FLIGHTS if supports.flies else TRIED
+            tries = self.tries(supports.flies)
             for i, (rate, friction, inner, loaded) in enumerate(tries):
                 bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
                 t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
@@ -344,7 +360,7 @@ class _Settings:
                 found.append(made)
                 if made.proved:
                     return made
-        raise _failure(supports, found, failed, self.limits)
+        raise _failure(supports, found, failed, self.limits, tries[-1][1])
 
 
 def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
@@ -405,14 +421,15 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     )  # fmt: skip
 
 
-def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
+def _failure(
+    supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float, share: float
+) -> CannotPlan:
     """Why there is no plan: by the momentum that is asked for, or by the instants of the nearest plan."""
     if not found:
-        share = (FLIGHTS if supports.flies else TRIED)[-1][1]
         said = f"no plan of {supports.robot.name} was found with {share:.0%} of the friction"
         if (proof := Momentum.of(supports, share).proof()) is not None:
             return _without_momentum(said, proof)
-        return CannotPlan(f"{said}: {failed}", t=())
+        return CannotPlan(f"{said}: {failed} More knots a second, rate=, come nearer to what limits allow.", t=())
     error = _of_nearest(found, limits)
     proof = Momentum.of(supports, between=True).proof() if len(supports.keys) > 2 else None
     if proof is None:
