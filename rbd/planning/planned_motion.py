@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 SHARES, LOADED = (0.86, INNER), (0.25, 1e-3)
 """Shares of friction and of soles with which plans are sought; what points press with at least, first and at last."""
 SPARED, PER_SECOND = (0.03, 0.005), 100.0
-"""What is spared of friction and of soles at last, with so many knots a second; it changes with the square of h, as bounds do."""
+"""What is spared of friction and of soles at last, with so many knots a second; it changes with h^2, as bounds do."""
 RATES, FLIGHT_RATES = (50.0, 100.0), (300.0, 400.0)
 """Knots a second that are tried in turn; and where nothing stands for a time."""
 COM, FLYING_COM = 0.02, 0.005
@@ -262,7 +262,7 @@ def plan(
             2.5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
             found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
-        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan, more at last: see `rate`.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find the plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
             is found, within 10 % or of eight that are tried; those given are the first.
