@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +17,10 @@ from rbd.constraints.convex.polygons import across
 from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import TorqueSchedule
-from rbd.control.torques import inverse_dynamics
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError, NoSolution
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
-from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
@@ -30,14 +28,16 @@ from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.contact_search import ContactSearch
 from rbd.planning.curve import Curve
+from rbd.planning.distances import too_far_apart
 from rbd.planning.free_times import shortest
+from rbd.planning.helping import Instant, limited
 from rbd.planning.kept_limits import Between, between
 from rbd.planning.momentum import Momentum, MomentumProof
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
 from rbd.simulation.progress_bar import progress_of
-from rbd.statics.equilibrium import hold
+from rbd.statics.limits import Limit
 from rbd.workers import one_blas_thread
 
 if TYPE_CHECKING:
@@ -262,7 +262,7 @@ def plan(
             2.5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
             found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
-        friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find the plan, more at last: see `rate`.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find a plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
             is found, within 10 % or of eight that are tried; those given are the first.
@@ -309,7 +309,7 @@ def plan(
         return planned(planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground))
     check_choice("contacts of plan", contacts, ("search",))
     return ContactSearch.of(
-        robot, keyframes, friction=mu, ground=ground, limited=_limited(robot, limits), self_collision=self_collision
+        robot, keyframes, friction=mu, ground=ground, limited=limited(robot, limits), self_collision=self_collision
     ).first(planned)
 
 
@@ -341,6 +341,11 @@ class _Settings:
         """
         robot = supports.robot
         _check_rest(supports, self.limits)
+        if (far := too_far_apart(supports)) is not None:
+            raise CannotPlan(
+                f"there is no plan of {robot.name}: {far}.", t=(far.t,), irreducible=True, certificate=far,
+                limits=tuple(Limit("reach", name) for name in far.names),
+            )  # fmt: skip
         if (proof := Momentum.of(supports).proof()) is not None:
             raise _without_momentum(f"there is no plan of {robot.name}", proof)
         costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if self.costs is None else self.costs
@@ -365,35 +370,20 @@ class _Settings:
 
 def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
     """Refuse a first or last keyframe that cannot be held."""
-    robot = _limited(supports.robot, limits)
+    robot = limited(supports.robot, limits)
     for t, state in (supports.keys[0], supports.keys[-1]):
         if stands := supports.standing(t):
+            wanted = Instant(State(robot, state.q), None, stands)
             try:
-                hold(State(robot, state.q), stands, margin=0.0)
+                wanted.check()
             except CannotMove as error:
-                raise _told(f"at rest at {t:g} s {error}", error, (t,), None) from error
+                raise _told(f"there is no plan: at rest at {t:g} s", error, wanted, (t,), None) from error
 
 
-def _limited(robot: Robot, limits: bool | float) -> Robot:
-    """The robot with a share of its torque limits; without any where they do not count."""
-    if limits is True:
-        return robot
-    share = float(limits) or np.inf
-    data = robot.motor_data
-    return robot.with_motors({
-        name: replace(data.get(name) or Motor(), limit=share * limit, torque_speed=_scaled(data.get(name), share))
-        for name, limit in zip(robot.actuated_names, robot.effort_limit, strict=True) if limit > 0.0
-    })  # fmt: skip
-
-
-def _scaled(motor: Motor | None, share: float) -> list[tuple[float, float]] | None:
-    line = motor and motor.torque_speed
-    return [(speed, share * torque) for speed, torque in line] if line and share < np.inf else None
-
-
-def _told(said: str, error: CannotMove, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
+def _told(said: str, error: CannotMove, wanted: Instant, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
+    helps = wanted.helps(error)
     return CannotPlan(
-        f"there is no plan: {said}" if best is None else said, t=t, plan=best, limits=error.limits,
+        f"{said} {error}{wanted.said(error, helps)}", t=t, plan=best, helps=helps, limits=error.limits,
         irreducible=error.irreducible, certificate=error.certificate, missing=error.missing, excess=error.excess,
         reason=error.reason,
     )  # fmt: skip
@@ -441,8 +431,9 @@ def _failure(
 
 def _without_momentum(said: str, proof: MomentumProof) -> CannotPlan:
     return CannotPlan(
-        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof
-    )
+        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof,
+        helps=proof.helps,
+    )  # fmt: skip
 
 
 def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
@@ -457,18 +448,19 @@ def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])
     stands = best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
-    state = best.state(t).on(_limited(best.robot, limits))
+    state = best.state(t).on(limited(best.robot, limits))
     spans = f"{times[0]:.2f} s" if len(times) == 1 else f"{len(times)} instants from {times[0]:.2f} to {times[-1]:.2f} s"
     try:
         a = best.acceleration(t)
         if stands:
             state = project_velocity(state, stands)
             a = project_acceleration(state, a, stands).a
+        wanted = Instant(state, a, stands)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DistantContactWarning)  # poses of what is impossible may not reach
-            inverse_dynamics(state, a, stands, margin=0.0)
+            wanted.check()
     except CannotMove as error:
-        return _told(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", error, times, best)
+        return _told(f"no plan was found: at {t:.3f} s, one of {spans},", error, wanted, times, best)
     except NoSolution as error:
         return CannotPlan(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", t=times, plan=best)
     share = float((x.end - x.start)[x.sure].sum()) / best.duration
