@@ -13,6 +13,7 @@ import numpy as np
 from rbd.arrays import Array, as_float, check_flag, check_number, each_times, lazy
 from rbd.centroid import CentroidCosts
 from rbd.centroid.program import INNER
+from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import across
 from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
@@ -238,6 +239,7 @@ def plan(
     limits: bool | float = True,
     self_collision: bool = True,
     rate: float | None = None,
+    hands: Sequence[Contact] = (),
     progress: bool = True,
 ) -> Plan:
     """A motion from keyframe to keyframe over given contacts, possible at every instant, with its forces and torques.
@@ -261,7 +263,8 @@ def plan(
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to
             2.5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
-            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
+            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time. Where feet
+            alone do not get there, it is tried with one of `hands` on its surface.
         friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find a plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
@@ -273,6 +276,7 @@ def plan(
             over the time h between two knots, and zero at the first two and the last two: of what a limit of accelerations
             allows in a time T from rest to rest (1 - 3 h / T)^2 can be found. 1 - 0.03 (h / 0.01 s)^2 of the friction is used
             at last, but not less than 86 %.
+        hands: Of contacts="search": points that may touch surfaces of their own, `rbd.PointContact("hand", frame, on=rail)`.
         progress: Show a bar on a terminal.
 
     Raises:
@@ -306,11 +310,14 @@ def plan(
     if times == "free":
         planned = partial(shortest, planned=planned)
     if not isinstance(contacts, str):
+        if hands:
+            raise InputError("hands of plan are those that contacts='search' may use; give them among contacts, with times.")
         return planned(planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground))
     check_choice("contacts of plan", contacts, ("search",))
     return ContactSearch.of(
-        robot, keyframes, friction=mu, ground=ground, limited=limited(robot, limits), self_collision=self_collision
-    ).first(planned)
+        robot, keyframes, friction=mu, ground=ground, limited=limited(robot, limits), self_collision=self_collision,
+        hands=hands,
+    ).first(planned)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
