@@ -135,6 +135,8 @@ class CentroidProgram(Displayed):
         costs: See `CentroidCosts`.
         normals: Of what is under the points: their friction cones are about these, shape (n, k, 3); None: level.
         least: Points press with this at least, shape (n, k) [N]; None: with nothing.
+        fixed: (at, D): D times (centre of mass, its acceleration, moment over the mass) is that of the references in m rows of
+            times `at`: what the robot cannot change; shapes (m,) and (m, 9).
     """
 
     dt: float
@@ -154,6 +156,7 @@ class CentroidProgram(Displayed):
     costs: CentroidCosts = field(default_factory=CentroidCosts)
     normals: Array | None = None
     least: Array | None = None
+    fixed: tuple[Array, Array] = (np.zeros(0, int), np.zeros((0, 9)))
 
     def __repr__(self) -> str:
         n, k = self.touches.shape
@@ -214,7 +217,16 @@ class CentroidProgram(Displayed):
             (sums[1:], low[1:], -0.5 * self.dt), (sums[1:], low[:-1], -0.5 * self.dt),
         ):  # fmt: skip
             A.put(rows, columns[: len(rows)], xyz, xyz, factor)
-        equal = 6 * n + 3 * len(at_rest) + given.size + T
+        alone = 6 * n + 3 * len(at_rest) + given.size + T
+        (still_at, D), g = self.fixed, unit / self.mass
+        own = alone + np.arange(len(D))
+        A.block(own, 3 * still_at, D[:, None, :3] / (g * self.dt**2))
+        for beside, factor in ((-1, 1.0), (0, -2.0), (1, 1.0)):
+            A.block(own, 3 * (still_at + beside), factor * D[:, None, 3:6] / (g * self.dt**2))
+        A.block(own, 3 * (n + still_at), D[:, None, 6:])
+        known = np.hstack([self.com / self.dt**2, self._acceleration(self.com), self.moment / self.mass]) / g
+        there = np.sum(D * known[still_at], axis=1)
+        equal = alone + len(D)
         L = np.zeros(T)
         if self.start is not None:
             L[:3] = self.start[2][: min(T, 3)] / unit
@@ -242,7 +254,7 @@ class CentroidProgram(Displayed):
         cones = [clarabel.ZeroConeT(equal), *[clarabel.NonnegativeConeT(m)] * (m > 0), *[clarabel.SecondOrderConeT(3)] * E]
         least = self._least()[k, i][pressed] / unit
         excesses = np.concatenate([-h, most, np.zeros(len(times)), -least])
-        side = np.concatenate([b, np.zeros(3 * len(at_rest)), given.ravel(), L, excesses, np.zeros(3 * E)])
+        side = np.concatenate([b, np.zeros(3 * len(at_rest)), given.ravel(), L, there, excesses, np.zeros(3 * E)])
         P, g = csc_matrix(triu(R.T @ R)), -(R.T @ t)
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, 100

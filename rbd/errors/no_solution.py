@@ -178,6 +178,8 @@ class CannotPlan(CannotMove):
         momentum: The `rbd.planning.MomentumProof` that contacts cannot give the momentum that keyframes ask for, those between
             included where there is a nearest plan; or None. Without such a plan `certificate` is that.
         tried: With contacts="search", what was tried in vain, in words.
+        helps: {what: least factor of it that would do}, the smallest first: "friction" and "torque" at the instant that is
+            named, or what `MomentumProof.helps` has.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -201,10 +203,11 @@ class CannotPlan(CannotMove):
         plan: Any = None,
         momentum: Any = None,
         tried: tuple[str, ...] = (),
+        helps: Mapping[str, float] | None = None,
         **told: Any,
     ) -> None:
         super().__init__(message, **told)
-        self.t, self.plan, self.momentum, self.tried = t, plan, momentum, tried
+        self.t, self.plan, self.momentum, self.tried, self.helps = t, plan, momentum, tried, dict(helps or {})
 
 
 class CannotHold(CannotMove):

@@ -179,24 +179,38 @@ def find_pose(
         >>> print(found.worst < 1e-12, f"{found.moved:.2f} rad")
         True 0.18 rad
     """
-    check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
-    q = _posture(robot, posture)
-    asked, place = read_targets(robot, targets, ground, State(robot, q)), read_com(com)
-    search = _PoseSearch(robot, asked, place, with_loops(robot, (), loops))
-    q0 = search.inside(q)
-    proof = out_of_reach(robot, asked)
-    tried = [search.descend(q0)]
-    if search.met(tried[0]):
-        return search.found(q0, tried[0], 1)
-    rng = np.random.default_rng(0)
-    for i in range(0 if proof else STARTS):
-        tried.append(search.descend(search.other_start(q0, rng, i)))
-        if search.met(tried[-1]):
-            return search.found(q0, tried[-1], len(tried))
+    search, q0, proof = _search(robot, targets, ground, posture, com, loops)
+    tried = search.tries(q0, 0 if proof else STARTS)
+    if isinstance(tried, FoundPose):
+        return tried
     end = search.minimum(min(tried, key=lambda reached: reached.size2))
     if search.met(end.at):
         return search.found(q0, end.at, len(tried))
     raise search.failure(end, len(tried) - 1, proof)
+
+
+def quick_pose(
+    robot: Robot, targets: Mapping[Any, Where], *, ground: On, posture: State, com: Array | None, starts: int
+) -> FoundPose | dict[str, Miss]:
+    """`find_pose` with few further starts; or {target: error} at the nearest pose that was found, not proved to be nearest."""
+    search, q0, proof = _search(robot, targets, ground, posture, com, True)
+    tried = search.tries(q0, 0 if proof else starts)
+    if isinstance(tried, FoundPose):
+        return tried
+    misses = search.misses(min(tried, key=lambda reached: reached.size2).state.q)
+    return {name: miss for name, miss in misses.items() if not miss.within(search.tolerance)}
+
+
+def _search(
+    robot: Robot, targets: Mapping[Any, Where] | None, ground: On, posture: str | Array | State | None,
+    com: Sequence[float] | Array | None, loops: bool,
+) -> tuple[_PoseSearch, Array, OutOfReach | None]:  # fmt: skip
+    """(search, configuration at which it begins, proof that there is no pose)."""
+    check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
+    q = _posture(robot, posture)
+    asked, place = read_targets(robot, targets, ground, State(robot, q)), read_com(com)
+    search = _PoseSearch(robot, asked, place, with_loops(robot, (), loops))
+    return search, search.inside(q), out_of_reach(robot, asked)
 
 
 def _posture(robot: CheckedModel, posture: object) -> Array:
@@ -270,6 +284,16 @@ class _PoseSearch(Space[Residual]):
         """Errors of the loops, and their Jacobian [m, rad]."""
         found = [position_residual(loop.rows(state)) for loop in self.loops]
         return np.concatenate([e for e, _ in found]), np.concatenate([J for _, J in found])
+
+    def tries(self, q0: Array, starts: int) -> FoundPose | list[Residual]:
+        """The pose, from q0 or from some further starts; or the ends of all."""
+        tried, rng = [self.descend(q0)], np.random.default_rng(0)
+        for i in range(starts + 1):
+            if self.met(tried[-1]):
+                return self.found(q0, tried[-1], len(tried))
+            if i < starts:
+                tried.append(self.descend(self.other_start(q0, rng, i)))
+        return tried
 
     def descend(self, q: Array, most: int = _STEPS) -> Residual:
         """The end of the descent from a configuration, down to rounding."""

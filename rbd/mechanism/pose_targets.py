@@ -17,6 +17,7 @@ from rbd.constraints.surface import On, shortest_turn, standing_plane
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import FrameNotFound, InputError, nearest
 from rbd.errors.inputs import check_different
+from rbd.mechanism.reach import links_between, stroke_of
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import FLOOR, Ground, unit_normal
@@ -314,16 +315,14 @@ def _gaps(robot: CheckedModel, targets: Sequence[Target]) -> Iterator[OutOfReach
         chain = _chain(robot, joint)
         if joint and robot.model.joints[chain[0]].shortname() != "JointModelFreeFlyer":
             origin = np.array(robot.model.jointPlacements[chain[0]].translation)
-            longest = _length(robot, chain[1:]) + _stroke(robot, chain[0]) + float(np.linalg.norm(offset))
+            longest = _length(robot, chain[1:]) + stroke_of(robot, chain[0]) + float(np.linalg.norm(offset))
             yield OutOfReach((name,), float(np.linalg.norm(point - origin)), longest)
         for other, joint2, offset2, point2 in ends[:i]:
             chain2 = _chain(robot, joint2)
-            if joint == joint2:
-                longest = float(np.linalg.norm(offset - offset2))
-            elif set(chain) & set(chain2):
-                longest = _length(robot, {*chain} ^ {*chain2}) + float(np.linalg.norm(offset) + np.linalg.norm(offset2))
-            else:
+            if joint != joint2 and not set(chain) & set(chain2):
                 continue  # two robots
+            links, stroke = links_between(robot, joint, offset, joint2, offset2)
+            longest = stroke + sum(float(np.linalg.norm(w)) for w in links)
             yield OutOfReach((other, name), float(np.linalg.norm(point - point2)), longest)
 
 
@@ -339,16 +338,4 @@ def _chain(robot: CheckedModel, joint: int) -> list[int]:
 
 def _length(robot: CheckedModel, joints: Iterable[int]) -> float:
     """Length of joints, each with the link before it [m]."""
-    return sum(float(np.linalg.norm(robot.model.jointPlacements[j].translation)) + _stroke(robot, j) for j in joints)
-
-
-def _stroke(robot: CheckedModel, joint: int) -> float:
-    """Largest displacement of a joint [m]; zero for a revolute joint."""
-    found = robot.joints[robot.model.names[joint]]
-    if found.kind == "Composite" or found.kind.startswith("H"):  # unbounded, or with links inside
-        return math.inf
-    if all(c.unit != "m" for c in found.velocities):
-        return 0.0
-    if found.nv > 1 or not (math.isfinite(found.lower) and math.isfinite(found.upper)):
-        return math.inf
-    return max(abs(found.lower), abs(found.upper))
+    return sum(float(np.linalg.norm(robot.model.jointPlacements[j].translation)) + stroke_of(robot, j) for j in joints)

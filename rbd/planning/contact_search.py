@@ -1,22 +1,23 @@
-"""Contacts that are left open: which foot is put down where, one after the other, between two poses.
+"""Contacts that are left open: which foot is put down where, one after the other, between two poses, and which hand helps.
 
 Footholds are on the way of each foot, where a whole foot stands (`Floor`). A step is possible where the robot can stand still
 on the other feet at both places of the foot: in reach, bodies apart, forces within friction, torques within limits. Each
-sequence that is found so is planned.
+sequence that is found so is planned. Where feet alone do not get there, a hand is put onto its own surface before the first
+step and taken away after the last, at places near to where it is.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, as_float
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.constraints.surface import On, plane_of
@@ -24,11 +25,14 @@ from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.walking.footsteps import Floor
 from rbd.control.walking.walk import places_of
 from rbd.errors import CannotMove, CannotPlan, CannotReach, InputError
-from rbd.mechanism.pose_search import find_pose
+from rbd.errors.inputs import check_kind
+from rbd.mechanism.pose_search import FoundPose, quick_pose
 from rbd.model.state import State
 from rbd.motion.frame_terms import placements
 from rbd.motion.self_collision import DEEP_M, BodyPairs
-from rbd.planning.stays import PlannedContacts, planned_contacts
+from rbd.planning.distances import apart
+from rbd.planning.helping import limited as limited_to
+from rbd.planning.stays import PlannedContacts, Stay, centre_of, planned_contacts
 from rbd.problem.ground import Ground
 from rbd.robots.robot import Robot
 from rbd.statics.equilibrium import hold
@@ -39,6 +43,14 @@ BUDGET, PLANNED = 60, 3
 """Steps that are tested, and sequences that are planned, at most."""
 DEPTH = 0.5
 """The centre of mass stays near, but as far from the edges of what stands as this share of their distance from its middle."""
+TORQUES = 0.95
+"""Share of the torque limits with which a step has to be held: what it takes to move is left."""
+STARTS = 3
+"""Further starts of the search for a pose, which begins at the one before."""
+GRASPS, GRID, AROUND = 4, 0.1, 0.5
+"""Places of each hand that are tried; how far they are from each other, and from where the hand is, at most [m]."""
+LEANS = (0.0, 0.2)
+"""The centre of mass is this share of the way from feet to a hand, the first with which a step is possible."""
 SAME = 1e-3
 """A foot whose places are nearer to each other does not step [m]."""
 
@@ -71,7 +83,10 @@ class ContactSearch:
         floor: The same, with places for whole feet.
         friction: Of the feet.
         bodies: Pairs of bodies that are apart; None: they may overlap.
+        hands: Contacts that may help, each with its own surface.
+        held: (hand, place) of those that rest during all steps.
         tried: What was tried in vain, in words.
+        tested: Steps that were tested, and what came of them.
     """
 
     ends: PlannedContacts
@@ -80,13 +95,16 @@ class ContactSearch:
     floor: Floor
     friction: float
     bodies: BodyPairs | None
+    hands: tuple[Contact, ...] = ()
+    held: tuple[tuple[Contact, Array], ...] = ()
     tried: list[str] = field(default_factory=list)
     tested: dict[tuple[Any, ...], Step | str] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, robot: Robot, keyframes: Mapping[float, Any], *, friction: float, ground: On, limited: Robot, self_collision: bool
-    ) -> ContactSearch:
+        cls, robot: Robot, keyframes: Mapping[float, Any], *, friction: float, ground: On, limited: Robot, self_collision: bool,
+        hands: Sequence[Contact] = (),
+    ) -> ContactSearch:  # fmt: skip
         """Between two keyframes, in both of which all feet stand; other arguments as of `rbd.plan`."""
         times = sorted(keyframes) if isinstance(keyframes, Mapping) else []
         if len(times) != 2:
@@ -99,7 +117,15 @@ class ContactSearch:
         ends = planned_contacts(robot, keyframes, feet, friction=friction, ground=ground)
         on = ground if isinstance(ground, Terrain) else plane_of("plan", ground)
         floor = Floor(on, {foot.name: foot for foot in ends.contacts}, math.inf)
-        return cls(ends, limited, ground, floor, friction, BodyPairs.of(robot) if self_collision else None)
+        for hand in hands:
+            check_kind("a hand of plan", hand, Contact, "a contact with its surface: rbd.PointContact('hand', frame, on=...)")
+            if hand.on is None or len(hand.corners) != 1:
+                raise InputError(
+                    f"{hand.name!r:.80} is a hand of plan with {len(hand.corners)} points on {hand.on!r:.80}; expected a "
+                    "point and its surface, rbd.PointContact('hand', frame, on=rbd.Ground(...))."
+                )
+        bodies = BodyPairs.of(robot) if self_collision else None
+        return cls(ends, limited_to(limited, TORQUES), ground, floor, friction, bodies, tuple(hands))
 
     @property
     def feet(self) -> tuple[Contact, ...]:
@@ -112,22 +138,44 @@ class ContactSearch:
         Raises:
             CannotPlan: none was found; with what was tried.
         """
-        last, count = None, 0
-        for steps in self.sequences():
-            count += 1
-            try:
-                return planned(self.contacts(steps))
-            except (CannotPlan, CannotReach, InputError) as error:
-                words = ", ".join(self._words(step.foot, step.X) for step in steps)
-                self.tried.append(f"{words}: {error}")
-                last = error
-            if count == PLANNED:
+        last, count, tested = None, 0, 0
+        for held in self.supports():
+            search = replace(self, held=held, tested={})
+            for steps in search.sequences():
+                count += 1
+                try:
+                    return planned(search.contacts(steps))
+                except (CannotPlan, CannotReach, InputError) as error:
+                    words = ", ".join([*search.held_words, *(self._words(step.foot, step.X) for step in steps)])
+                    self.tried.append(f"{words}: {error}")
+                    last = error
+                if count == PLANNED * (1 + bool(held)):
+                    break
+            tested += len(search.tested)
+            if count == 2 * PLANNED:
                 break
-        said = f"{len(self.tested)} steps were tested, and {count} sequences of them planned"
+        said = f"{tested} steps were tested, and {count} sequences of them planned"
         raise CannotPlan(
             f"no sequence of contacts of {self.robot.name} was found: {said}. {'; '.join(self.tried[-4:])}",
             tried=tuple(self.tried), plan=getattr(last, "plan", None), momentum=getattr(last, "momentum", None),
+            helps=getattr(last, "helps", None),
         ) from last  # fmt: skip
+
+    def supports(self) -> Iterator[tuple[tuple[Contact, Array], ...]]:
+        """Hands that rest during all steps: none, then each hand at each of its places, the nearest first."""
+        yield ()
+        first, last = (state for _, state in self.ends.keys)
+        for hand in self.hands:
+            at = 0.5 * (centre_of(first, hand).translation + centre_of(last, hand).translation)
+            places = grasps(hand, at)
+            if not places:
+                self.tried.append(f"{hand.name!r:.80} finds no place within {AROUND:g} m of {at.round(2).tolist()} m")
+            yield from (((hand, p),) for p in places)
+
+    @property
+    def held_words(self) -> list[str]:
+        """Where hands rest, in words."""
+        return [f"{hand.name!r:.80} at ({p[0]:.2f}, {p[1]:.2f}, {p[2]:.2f}) m" for hand, p in self.held]
 
     def sequences(self) -> Iterator[list[Step]]:
         """Steps from the first to the last pose, few of each foot first."""
@@ -181,38 +229,64 @@ class ContactSearch:
         """The step, or why it is none."""
         key = (f, *np.round([*X.translation, *(x for own in at for x in own.translation)], 6))
         if key not in self.tested:
-            if len(self.tested) >= BUDGET:
+            if len(self.tested) >= BUDGET // (1 + bool(self.held) * len(self.hands)):
                 return "not tested"
             self.tested[key] = found = self._step(at, f, X, steps[-1].land if steps else self.ends.keys[0][1])
             if isinstance(found, str):
-                self.tried.append(f"{self._words(f, X)}: {found}")
+                self.tried.append(f"{', '.join([*self.held_words, self._words(f, X)])}: {found}")
         return self.tested[key]
 
     def _step(self, at: list[pin.SE3], f: int, X: pin.SE3, before: State) -> Step | str:
         stands = [foot for i, foot in enumerate(self.feet) if i != f]
         if not stands:
             return "no other foot is left to stand on"
+        if far := self._far([X if i == f else own for i, own in enumerate(at)]):
+            return far
         under = [X.act(c - np.mean(c0, axis=0))[:2] for X, c0 in self._corners(at, f) for c in c0]
-        com = _inside(before.com[:2], convex_hull(np.array(under)))
+        near = _inside(before.com[:2], convex_hull(np.array(under)))
+        leans = [near + share * (p[:2] - near) for _, p in self.held for share in LEANS]
+        stands += [hand for hand, _ in self.held]
+        found: Step | str = ""
+        for com in leans or [near]:
+            found = self._stood(at, f, X, before, com, stands)
+            if isinstance(found, Step):
+                break
+        return found
+
+    def _stood(self, at: list[pin.SE3], f: int, X: pin.SE3, before: State, com: Array, stands: list[Contact]) -> Step | str:
+        """The step with the centre of mass at a place, shape (2,), or why it is none."""
         try:
             lift = self._pose(at, com, before)
             land = self._pose([X if i == f else own for i, own in enumerate(at)], com, lift)
             for state in (lift, land):
                 hold(State(self.robot, state.q), stands, margin=0.1)
         except CannotReach as error:
-            return f"out of reach ({', '.join(error.misses)})" if error.misses else "out of reach"
+            return str(error)
         except CannotMove as error:
             return str(error).split(". ")[0]
-        apart = [self._overlap(state) for state in (lift, land)]
-        return f"bodies overlap: {' '.join(apart).strip()}" if any(apart) else Step(f, X, lift, land)
+        overlaps = [self._overlap(state) for state in (lift, land)]
+        return f"bodies overlap: {' '.join(overlaps).strip()}" if any(overlaps) else Step(f, X, lift, land)
+
+    def _far(self, at: list[pin.SE3]) -> str:
+        """Why feet at these places are out of reach of each other in whatever pose; empty where they are not."""
+        stays = [(c, Stay(0.0, 0.0, X, X.rotation[:, 2])) for c, X in zip(self.feet, at, strict=True)]
+        stays += [(c, Stay(0.0, 0.0, pin.SE3(np.eye(3), p), np.zeros(3))) for c, p in self.held]
+        pairs = (apart(self.robot, x, y) for i, x in enumerate(stays) for y in stays[i + 1 :])
+        worst = max(pairs, key=lambda x: x.distance - x.longest, default=None)
+        if worst is None or worst.distance <= worst.longest:
+            return ""
+        return f"out of reach ({' and '.join(worst.names)} are {worst.distance:.2f} m apart, {worst.longest:.2f} m at most)"
 
     def _corners(self, at: list[pin.SE3], f: int) -> list[tuple[pin.SE3, Array]]:
         """(pose, corners) of the feet that stand."""
         return [(X, np.asarray(c.corners)) for i, (X, c) in enumerate(zip(at, self.feet, strict=True)) if i != f]
 
     def _pose(self, at: list[pin.SE3], com: Array, before: State) -> State:
-        places = places_of(self.feet, {c.name: X for c, X in zip(self.feet, at, strict=True)})
-        return find_pose(self.ends.robot, places, ground=self.ground, posture=before, com=com).state
+        places = places_of(self.feet, {c.name: X for c, X in zip(self.feet, at, strict=True)}) | dict(self.held)
+        found = quick_pose(self.ends.robot, places, ground=self.ground, posture=before, com=com, starts=STARTS)
+        if isinstance(found, FoundPose):
+            return found.state
+        raise CannotReach(f"out of reach ({', '.join(found)})" if found else "out of reach", misses=found)
 
     def _overlap(self, state: State) -> str:
         if self.bodies is None:
@@ -226,18 +300,50 @@ class ContactSearch:
         return f"{self.feet[f].name!r:.80} to ({x:.2f}, {y:.2f}, {z:.2f}) m"
 
     def contacts(self, steps: list[Step]) -> PlannedContacts:
-        """Keyframes and contacts of a sequence: equal times for each step and for what is before, between and after them."""
+        """Keyframes and contacts of a sequence: equal times for each step and for what is before, between and after them.
+
+        Hands are put down one such time before the first step, and taken away one after the last.
+        """
         (start, first), (end, last) = self.ends.keys
-        t = np.linspace(start, end, 2 * len(steps) + 2)
+        more = bool(self.held)
+        t = np.linspace(start, end, 2 * len(steps) + 2 + 2 * more)
         keys: dict[float, Any] = {float(t[0]): first, float(t[-1]): last}
         lands, stays = [float(t[0])] * len(self.feet), [list[tuple[float, float]]() for _ in self.feet]
         for k, step in enumerate(steps):
-            lift, land = float(t[2 * k + 1]), float(t[2 * k + 2])
+            lift, land = float(t[2 * k + 1 + more]), float(t[2 * k + 2 + more])
             keys |= {lift: step.lift, land: step.land}
             stays[step.foot].append((lands[step.foot], lift))
             lands[step.foot] = land
-        given = {foot.name: [*own, (land, float(t[-1]))] for foot, own, land in zip(self.feet, stays, lands, strict=True)}
+        given: dict[Any, Any] = {
+            foot.name: [*own, (land, float(t[-1]))] for foot, own, land in zip(self.feet, stays, lands, strict=True)
+        }
+        if more:
+            at = [own[0].X for own in self.ends.stays]
+            keys[float(t[1])] = self._pose(at, first.com[:2], first)
+            keys[float(t[-2])] = steps[-1].land
+            given |= {hand: [(float(t[1]), float(t[-2]))] for hand, _ in self.held}
         return planned_contacts(self.ends.robot, keys, given, friction=self.friction, ground=self.ground)
+
+
+def grasps(hand: Contact, at: Array) -> list[Array]:
+    """Places on a hand's surface near to one, the nearest first, shapes (3,) [m]: of a plane its projection."""
+    if not isinstance(hand.on, Terrain):
+        plane = plane_of(hand.name, hand.on if isinstance(hand.on, Ground) else as_float(hand.on))
+        n = np.asarray(plane.normal)
+        return [at - (n @ (at - np.asarray(plane.point))) * n]
+    found = list[Array]()
+    steps = np.arange(-AROUND, AROUND + 0.5 * GRID, GRID)
+    for x in steps:
+        for y in steps:
+            try:
+                plane = hand.on.ground_at(at[0] + x, at[1] + y)
+            except InputError:
+                continue
+            n, p = np.asarray(plane.normal), np.asarray(plane.point)
+            z = float(p[2] - (n[0] * (at[0] + x - p[0]) + n[1] * (at[1] + y - p[1])) / n[2])
+            found.append(np.array([at[0] + x, at[1] + y, z]))
+    near = sorted((p for p in found if np.linalg.norm(p - at) < AROUND), key=lambda p: float(np.linalg.norm(p - at)))
+    return near[:: max(len(near) // GRASPS, 1)][:GRASPS]
 
 
 def _inside(com: Array, hull: Array) -> Array:

@@ -12,7 +12,8 @@ from typing import TypeVar
 import numpy as np
 
 from rbd.errors import CannotPlan
-from rbd.planning.momentum import Momentum, halved
+from rbd.planning.helping import halved
+from rbd.planning.momentum import Momentum
 from rbd.planning.stays import PlannedContacts
 
 STEP, NEAR = 2.0, 1.1

@@ -7,18 +7,20 @@ its contacts, at places p, with
     int p x f + (T - t)^2 / 2 f x g dt = 0,         int_0^{t_k} (t_k - t) f dt = m c_k - m g t_k^2 / 2 at a keyframe.
 
 The first three are linear momentum, its integral, and angular momentum about c_0; they hold for any motion of its limbs.
+Where a contact stands, c_k is within r_k of a place that its limbs' lengths give (`rbd.planning.distances`), in whatever pose.
 All are linear in f. So, by Farkas' lemma, there are no such forces in cones |f_t| <= mu f_n if there are a, b, w and d_k with
 
     u(t, p) = a + (T - t) b + w x p + (T - t)^2 / 2 (g x w) + sum_k max(t_k - t, 0) d_k,        mu |u_t| <= u_n
 
-wherever and whenever something stands, and int f . u dt, which then is not negative, had to be negative. u is quadratic in
+wherever and whenever something stands, and int f . u dt, which then is not negative, had to be negative: what the middles of
+those places give, and m sum_k r_k |d_k| more at most. u is quadratic in
 time, so in the cone between two instants if its three coefficients in Bernstein's form are: the proof holds at all instants,
 for forces of any course, impulses too. That there is no proof does not show that there is a motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +28,8 @@ import numpy as np
 from rbd.arrays import Array, cross_matrix, each_times, lazy
 from rbd.constraints.convex.polygons import across
 from rbd.displayed import Displayed
+from rbd.planning.distances import Near, centre_of_mass_limits
+from rbd.planning.helping import least_factors
 from rbd.planning.stays import PlannedContacts, coefficient_of
 from rbd.statics.limits import Limit
 
@@ -73,6 +77,7 @@ class Momentum:
         t: Times of the keyframes after the first, counted from it, shape (n,) [s].
         com: Their centres of mass, seen from that of the first, shape (n, 3) [m].
         rests: Whether it is at rest at the last.
+        near: Where else it has to be, and how nearly: times and places are seen from the first keyframe.
     """
 
     mass: float
@@ -81,6 +86,7 @@ class Momentum:
     t: Array
     com: Array
     rests: bool
+    near: tuple[Near, ...] = ()
 
     @classmethod
     def of(cls, supports: PlannedContacts, share: float = 1.0, *, between: bool = False) -> Momentum:
@@ -100,8 +106,17 @@ class Momentum:
                 stays.append(Standing(contact.name, s.start - first[0], s.end - first[0], points, axes, mu))
         keys = supports.keys[1:] if between else supports.keys[-1:]
         t, com = np.array([t - first[0] for t, _ in keys]), np.array([state.com - first[1].com for _, state in keys])
-        robot = supports.robot
-        return cls(robot.mass, np.asarray(robot.gravity), tuple(stays), t, com, bool(supports.standing(supports.keys[-1][0])))
+        robot, c = supports.robot, first[1].com
+        near = tuple(replace(x, t=x.t - first[0], centre=x.centre - c) for x in centre_of_mass_limits(supports))
+        rests = bool(supports.standing(supports.keys[-1][0]))
+        return cls(robot.mass, np.asarray(robot.gravity), tuple(stays), t, com, rests, near)
+
+    @lazy
+    def known(self) -> tuple[Array, Array, Array]:
+        """(times, places, distances) of all centres of mass that are known, keyframes first, shapes (k,), (k, 3) and (k,)."""
+        t, c = [x.t for x in self.near], np.array([x.centre for x in self.near]).reshape(-1, 3)
+        radius = np.array([0.0] * len(self.t) + [x.radius for x in self.near])
+        return np.concatenate([self.t, t]), np.vstack([self.com, c]), radius
 
     @property
     def weight(self) -> float:
@@ -110,27 +125,31 @@ class Momentum:
 
     @lazy
     def need(self) -> Array:
-        """What int f . u dt has to be, for each multiplier, shape (6 + 3 n,) [N s, N m s, then N s2]."""
+        """What int f . u dt has to be, for each multiplier, shape (6 + 3 k,) [N s, N m s, then N s2]."""
         T, m, g = self.t[-1], self.mass, self.gravity
         rest = np.concatenate([-m * g * T, np.zeros(3)])
-        return np.concatenate([rest, *(m * c - 0.5 * m * g * t**2 for t, c in zip(self.t, self.com, strict=True))])
+        return np.concatenate([rest, *(m * c - 0.5 * m * g * t**2 for t, c in zip(*self.known[:2], strict=True))])
+
+    def spared(self, y: Array) -> float:
+        """How much more than that int f . u dt may be at most, by the distances of `near` [N s]."""
+        return float(self.mass * self.known[2] @ np.linalg.norm(y[6:].reshape(-1, 3), axis=1))
 
     @lazy
     def units(self) -> Array:
-        """Sizes of the multipliers that matter equally, shape (6 + 3 n,)."""
+        """Sizes of the multipliers that matter equally, shape (6 + 3 k,)."""
         reach = max([float(np.abs(s.points).max()) for s in self.stays] or [1.0])
-        return np.concatenate([np.ones(3), np.full(3, 1.0 / reach), np.full(3 * len(self.t), 1.0 / self.t[-1])])
+        return np.concatenate([np.ones(3), np.full(3, 1.0 / reach), np.full(len(self.need) - 6, 1.0 / self.t[-1])])
 
     def direction(self, s: float, e: float, part: int, p: Array) -> Array:
-        """The map from multipliers to the coefficient 0, 1 or 2 of u between s and e at a point, shape (3, 6 + 3 n)."""
+        """The map from multipliers to the coefficient 0, 1 or 2 of u between s and e at a point, shape (3, 6 + 3 k)."""
         T, at = self.t[-1], (s, 0.5 * (s + e), e)[part]
         bend = 0.5 * ((T - s) ** 2, (T - s) * (T - e), (T - e) ** 2)[part]
-        later = [max(t - at, 0.0) * np.eye(3) for t in self.t]
-        return np.hstack([np.eye(3), bend * cross_matrix(self.gravity) - cross_matrix(p), *later])
+        later = np.kron(np.maximum(self.known[0] - at, 0.0), np.eye(3))
+        return np.hstack([np.eye(3), bend * cross_matrix(self.gravity) - cross_matrix(p), later])
 
     def grid(self, start: float, end: float) -> Array:
-        """Instants of a stay, among them the keyframes: u is a quadratic between two of them."""
-        known = [start, *(t for t in self.t if start < t < end), end]
+        """Instants of a stay, among them those whose centres of mass are known: u is a quadratic between two of them."""
+        known = [start, *(float(t) for t in np.unique(self.known[0]) if start < t < end), end]
         return np.concatenate([
             *(np.linspace(a, b, max(round((b - a) / GRID), 1) + 1)[:-1] for a, b in zip(known[:-1], known[1:], strict=True)),
             [end],
@@ -138,7 +157,7 @@ class Momentum:
 
     @lazy
     def cones(self) -> tuple[Array, Array, Array, Array]:
-        """(U, stay, corner, t): maps to u in the axes of each point, shape (k, 3, 6 + 3 n), whose they are, and when."""
+        """(U, stay, corner, t): maps to u in the axes of each point, shape (m, 3, 6 + 3 k), whose they are, and when."""
         U, stay, corner, times = [], [], [], []
         for i, own in enumerate(self.stays):
             t = self.grid(own.start, own.end)
@@ -168,11 +187,12 @@ class Momentum:
         wide = {s.name for s in self.stays if len(s.points) > 1}
         out = [Limit("friction", name) for name in names] + [Limit("edge", name) for name in names if name in wide]
         out += [Limit("push", name) for name in names] + [Limit("flight", _span(*x)) for x in self.flights]
+        out += [Limit("reach", name) for name in dict.fromkeys(x.name for x in self.near)]
         out += [Limit("keyframe", f"{t:g} s") for t in self.t]
         return (*out, Limit("rest", f"{self.t[-1]:g} s")) if self.rests else tuple(out)
 
     def relaxed(self, limit: Limit) -> Array:
-        """Rows whose product with the multipliers is zero where a limit is relaxed, shape (r, 6 + 3 n)."""
+        """Rows whose product with the multipliers is zero where a limit is relaxed, shape (r, 6 + 3 k)."""
         U, stay, corner, _ = self.cones
         n = U.shape[2]
         if limit.kind == "rest":
@@ -180,6 +200,9 @@ class Momentum:
         if limit.kind == "keyframe":
             k = [f"{t:g} s" for t in self.t].index(limit.name)
             return np.eye(n)[6 + 3 * k : 9 + 3 * k]
+        if limit.kind == "reach":
+            own = 6 + 3 * (len(self.t) + np.array([i for i, x in enumerate(self.near) if x.name == limit.name]))
+            return np.eye(n)[(own[:, None] + np.arange(3)).ravel()]
         if limit.kind == "flight":
             start, end = next(x for x in self.flights if _span(*x) == limit.name)
             t = self.grid(start, end)
@@ -213,19 +236,27 @@ class Momentum:
         inside[:, :2] *= mu[stay[k], None, None]
         if not (d := free.shape[1]):
             return 0.0, np.zeros(n), np.zeros(len(U))
+        size, r = self.weight * self.t[-1], len(self.near)
         A = np.vstack([-inside[:, [2, 0, 1]].reshape(3 * len(k), d), np.zeros((1, d)), -np.eye(d)])
+        lengths = np.zeros((4 * r, d + r))  # of the multipliers of `near`, as unknowns of their own
+        lengths[np.arange(0, 4 * r, 4), d + np.arange(r)] = -1.0
+        lengths[np.arange(4 * r) % 4 > 0, :d] = -free[n - 3 * r :]
+        A = np.vstack([np.pad(A, ((0, 0), (0, r))), lengths])
         b = np.zeros(len(A))
         b[3 * len(k)] = 1.0
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
-        cones = [*[clarabel.SecondOrderConeT(3)] * len(k), clarabel.SecondOrderConeT(d + 1)]
-        need, forces = free.T @ self.need / (self.weight * self.t[-1]), np.zeros(len(U))
-        found = clarabel.DefaultSolver(csc_matrix((d, d)), need, csc_matrix(A), b, cones, settings).solve()
-        x = np.asarray(found.x)
+        balls = [clarabel.SecondOrderConeT(4)] * r
+        cones = [*[clarabel.SecondOrderConeT(3)] * len(k), clarabel.SecondOrderConeT(d + 1), *balls]
+        cost = np.concatenate([free.T @ self.need, self.mass * self.known[2][len(self.t) :]]) / size
+        forces = np.zeros(len(U))
+        found = clarabel.DefaultSolver(csc_matrix((d + r, d + r)), cost, csc_matrix(A), b, cones, settings).solve()
+        x = np.asarray(found.x)[:d]
         if str(found.status) not in ("Solved", "AlmostSolved") or not np.isfinite(x).all():
             return 0.0, np.zeros(n), forces
-        forces[k] = self.weight * self.t[-1] * np.asarray(found.z)[: 3 * len(k) : 3]
-        return float(-need @ x), free @ x, forces
+        forces[k] = size * np.asarray(found.z)[: 3 * len(k) : 3]
+        y = free @ x
+        return float(-(self.need @ y + self.spared(y))) / size, y, forces
 
     @property
     def refused(self) -> bool:
@@ -256,7 +287,8 @@ class Momentum:
     def slower(self, factor: float) -> Momentum:
         """The same, with all times longer by a factor."""
         stays = [replace(s, start=factor * s.start, end=factor * s.end) for s in self.stays]
-        return replace(self, stays=tuple(stays), t=factor * self.t)
+        near = [replace(x, t=factor * x.t) for x in self.near]
+        return replace(self, stays=tuple(stays), t=factor * self.t, near=tuple(near))
 
     def rougher(self, factor: float) -> Momentum:
         """The same, with all coefficients of friction larger by a factor."""
@@ -265,6 +297,10 @@ class Momentum:
     def nearer(self, factor: float) -> Momentum:
         """The same, with keyframes nearer to the first by a factor."""
         return replace(self, com=self.com / factor)
+
+    def longer(self, factor: float) -> Momentum:
+        """The same, with limbs that reach farther by a factor."""
+        return replace(self, near=tuple(replace(x, radius=factor * x.radius) for x in self.near))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -302,7 +338,7 @@ class MomentumProof(Displayed):
     @property
     def missing(self) -> float:
         """Impulse that is missing at least: -int f . u dt, over the largest |u| [N s]; positive."""
-        return float(-(self.asked.need @ self.y)) / self.size
+        return float(-(self.asked.need @ self.y + self.asked.spared(self.y))) / self.size
 
     @property
     def reach(self) -> float:
@@ -320,12 +356,12 @@ class MomentumProof(Displayed):
     def helps(self) -> dict[str, float]:
         """{what: least factor with which nothing is contradictory}, the smallest first; empty where none helps.
 
-        "friction" makes all coefficients larger, "time" all durations, "distance" what keyframes are apart smaller.
+        "friction" makes all coefficients larger, "time" all durations, "distance" what keyframes are apart smaller, and "reach"
+        the distances larger at which the centre of mass may be from contacts.
         """
         asked = self.asked
-        ways = {"friction": asked.rougher, "time": asked.slower, "distance": asked.nearer}
-        found = {name: x for name, way in ways.items() if (x := _least(way)) is not None}
-        return dict(sorted(found.items(), key=lambda item: item[1]))
+        ways = {"friction": asked.rougher, "time": asked.slower, "distance": asked.nearer, "reach": asked.longer}
+        return least_factors(ways, HELPS, HALVED)
 
     def __str__(self) -> str:
         share, t = self.missing / (self.asked.weight * self.asked.t[-1]), self.t
@@ -334,31 +370,25 @@ class MomentumProof(Displayed):
             f"its weight, from {t.min(initial=0.0):.2f} to {t.max(initial=0.0):.2f} s. Together these limits prevent it: "
             f"{'; '.join(map(str, self.limits))}."
         )
-        does = {
-            "friction": "coefficients of friction that are {} times as large", "time": "{} times as much time",
-            "distance": "keyframes that are {} times as near to each other",
-        }  # fmt: skip
-        each = [does[name].format(f"{factor:.4g}") for name, factor in self.helps.items()]
-        return words + (f" It would not be so with {', or '.join(each)}." if each else "")
+        each = [self._does(name, factor) for name, factor in self.helps.items()]
+        return words + (f" Least would do: {'; or '.join(each)}." if each else "")
+
+    def _does(self, name: str, factor: float) -> str:
+        """What would end it, in units."""
+        m, T = self.asked, float(self.asked.t[-1])
+        if name == "time":
+            return f"{(factor - 1.0) * T:.3g} s more time, {factor:.4g} times as much"
+        if name == "distance":
+            less = float(np.linalg.norm(m.com, axis=1).max()) * (1.0 - 1.0 / factor)
+            return f"keyframes that are {100.0 * less:.3g} cm nearer to the first, {factor:.4g} times as near"
+        if name == "reach":
+            return f"a centre of mass that gets {factor:.4g} times as far from what stands"
+        used = sorted({s.friction for s in m.stays})
+        from_to = f"{factor * used[0]:.3g} instead of {used[0]:.3g}, " if len(used) == 1 else ""
+        return f"friction of {from_to}{factor:.4g} times as much"
 
     def __repr__(self) -> str:
         return f"MomentumProof({len(self.limits)} limits, {self.missing:.3g} N s missing)"
-
-
-def _least(way: Callable[[float], Momentum]) -> float | None:
-    """The least factor above one with which nothing is contradictory, rounded up to 0.1 %; None below `HELPS`."""
-    if way(HELPS).refused:
-        return None
-    _, high = halved(lambda factor: way(factor).refused, 0.0, float(np.log(HELPS)), HALVED)
-    return float(np.ceil(1e3 * high) / 1e3)
-
-
-def halved(refused: Callable[[float], bool], low: float, high: float, times: int) -> tuple[float, float]:
-    """(largest factor known to be refused, least known not to be): a range of logarithms is halved so many times."""
-    for _ in range(times):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if refused(float(np.exp(middle))) else (low, middle)
-    return float(np.exp(low)), float(np.exp(high))
 
 
 def _null(rows: Array) -> Array:

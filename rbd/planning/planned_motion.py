@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,16 +13,15 @@ import numpy as np
 from rbd.arrays import Array, as_float, check_flag, check_number, each_times, lazy
 from rbd.centroid import CentroidCosts
 from rbd.centroid.program import INNER
+from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import across
 from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import TorqueSchedule
-from rbd.control.torques import inverse_dynamics
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError, NoSolution
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
-from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
@@ -30,24 +29,28 @@ from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
 from rbd.planning.contact_search import ContactSearch
 from rbd.planning.curve import Curve
+from rbd.planning.distances import too_far_apart
 from rbd.planning.free_times import shortest
+from rbd.planning.helping import Instant, limited
 from rbd.planning.kept_limits import Between, between
 from rbd.planning.momentum import Momentum, MomentumProof
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
 from rbd.simulation.progress_bar import progress_of
-from rbd.statics.equilibrium import hold
+from rbd.statics.limits import Limit
 from rbd.workers import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-SHARES, FARTHER = (0.86, INNER, 0.25), (0.97, 0.995, 1e-3)
-"""Shares of friction and of soles with which poses and forces are sought, and of what points press with, at least; at last."""
-TRIED, FLIGHTS = ((50.0, *SHARES), (100.0, *SHARES), (100.0, *FARTHER)), ((300.0, *SHARES), (400.0, *SHARES))
-"""(knots a second, and these) that are tried in turn; and where nothing stands for a time."""
+SHARES, LOADED = (0.86, INNER), (0.25, 1e-3)
+"""Shares of friction and of soles with which plans are sought; what points press with at least, first and at last."""
+SPARED, PER_SECOND = (0.03, 0.005), 100.0
+"""What is spared of friction and of soles at last, with so many knots a second; it changes with h^2, as bounds do."""
+RATES, FLIGHT_RATES = (50.0, 100.0), (300.0, 400.0)
+"""Knots a second that are tried in turn; and where nothing stands for a time."""
 COM, FLYING_COM = 0.02, 0.005
 """Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]; and where nothing stands for a time:
 with more it leaves the ground on legs that are nearly straight, and they have no way left on which to come to rest."""
@@ -235,6 +238,8 @@ def plan(
     cost: CentroidCosts | None = None,
     limits: bool | float = True,
     self_collision: bool = True,
+    rate: float | None = None,
+    hands: Sequence[Contact] = (),
     progress: bool = True,
 ) -> Plan:
     """A motion from keyframe to keyframe over given contacts, possible at every instant, with its forces and torques.
@@ -258,14 +263,20 @@ def plan(
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to
             2.5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
-            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time.
-        friction: Coulomb's coefficient of feet that are given by name; 86 % of it are used to find the plan, 97 % at last.
+            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time. Where feet
+            alone do not get there, it is tried with one of `hands` on its surface.
+        friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find a plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
             is found, within 10 % or of eight that are tried; those given are the first.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
         limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
         self_collision: Whether bodies are kept apart.
+        rate: Knots a second; None: 50, then 100, and 300, then 400 where nothing stands for a time. Accelerations are linear
+            over the time h between two knots, and zero at the first two and the last two: of what a limit of accelerations
+            allows in a time T from rest to rest (1 - 3 h / T)^2 can be found. 1 - 0.03 (h / 0.01 s)^2 of the friction is used
+            at last, but not less than 86 %.
+        hands: Of contacts="search": points that may touch surfaces of their own, `rbd.PointContact("hand", frame, on=rail)`.
         progress: Show a bar on a terminal.
 
     Raises:
@@ -292,17 +303,21 @@ def plan(
     check_choice("times of plan", times, ("given", "free"))
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
+    rate = None if rate is None else check_number("rate of plan", rate, 10.0, 5000.0, expected="knots a second, 400")
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
-    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress).planned
+    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress, rate).planned
     if times == "free":
         planned = partial(shortest, planned=planned)
     if not isinstance(contacts, str):
+        if hands:
+            raise InputError("hands of plan are those that contacts='search' may use; give them among contacts, with times.")
         return planned(planned_contacts(robot, keyframes, contacts, friction=mu, ground=ground))
     check_choice("contacts of plan", contacts, ("search",))
     return ContactSearch.of(
-        robot, keyframes, friction=mu, ground=ground, limited=_limited(robot, limits), self_collision=self_collision
-    ).first(planned)
+        robot, keyframes, friction=mu, ground=ground, limited=limited(robot, limits), self_collision=self_collision,
+        hands=hands,
+    ).first(planned)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,6 +331,14 @@ class _Settings:
     self_collision: bool
     torques: Callable[[Array], tuple[Array, Array]]
     progress: bool
+    rate: float | None
+
+    def tries(self, flies: bool) -> list[tuple[float, float, float, float]]:
+        """(knots a second, shares of friction and of soles, and of what points press with at least) that are tried in turn."""
+        rates = (FLIGHT_RATES if flies else RATES) if self.rate is None else (self.rate,)
+        friction, inner = (max(x, 1.0 - y * (PER_SECOND / rates[-1]) ** 2) for x, y in zip(SHARES, SPARED, strict=True))
+        last = [(rates[-1], friction, inner, LOADED[1])] if self.rate is not None or not flies else []
+        return [*((rate, *SHARES, LOADED[0]) for rate in rates), *last]
 
     def planned(self, supports: PlannedContacts) -> Plan:
         """The plan over these contacts, at these times.
@@ -325,13 +348,18 @@ class _Settings:
         """
         robot = supports.robot
         _check_rest(supports, self.limits)
+        if (far := too_far_apart(supports)) is not None:
+            raise CannotPlan(
+                f"there is no plan of {robot.name}: {far}.", t=(far.t,), irreducible=True, certificate=far,
+                limits=tuple(Limit("reach", name) for name in far.names),
+            )  # fmt: skip
         if (proof := Momentum.of(supports).proof()) is not None:
             raise _without_momentum(f"there is no plan of {robot.name}", proof)
         costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if self.costs is None else self.costs
         found, failed = list[Plan](), None
         with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
             first, last = supports.keys[0][0], supports.keys[-1][0]
-            tries = FLIGHTS if supports.flies else TRIED
+            tries = self.tries(supports.flies)
             for i, (rate, friction, inner, loaded) in enumerate(tries):
                 bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
                 t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
@@ -344,40 +372,25 @@ class _Settings:
                 found.append(made)
                 if made.proved:
                     return made
-        raise _failure(supports, found, failed, self.limits)
+        raise _failure(supports, found, failed, self.limits, tries[-1][1])
 
 
 def _check_rest(supports: PlannedContacts, limits: bool | float) -> None:
     """Refuse a first or last keyframe that cannot be held."""
-    robot = _limited(supports.robot, limits)
+    robot = limited(supports.robot, limits)
     for t, state in (supports.keys[0], supports.keys[-1]):
         if stands := supports.standing(t):
+            wanted = Instant(State(robot, state.q), None, stands)
             try:
-                hold(State(robot, state.q), stands, margin=0.0)
+                wanted.check()
             except CannotMove as error:
-                raise _told(f"at rest at {t:g} s {error}", error, (t,), None) from error
+                raise _told(f"there is no plan: at rest at {t:g} s", error, wanted, (t,), None) from error
 
 
-def _limited(robot: Robot, limits: bool | float) -> Robot:
-    """The robot with a share of its torque limits; without any where they do not count."""
-    if limits is True:
-        return robot
-    share = float(limits) or np.inf
-    data = robot.motor_data
-    return robot.with_motors({
-        name: replace(data.get(name) or Motor(), limit=share * limit, torque_speed=_scaled(data.get(name), share))
-        for name, limit in zip(robot.actuated_names, robot.effort_limit, strict=True) if limit > 0.0
-    })  # fmt: skip
-
-
-def _scaled(motor: Motor | None, share: float) -> list[tuple[float, float]] | None:
-    line = motor and motor.torque_speed
-    return [(speed, share * torque) for speed, torque in line] if line and share < np.inf else None
-
-
-def _told(said: str, error: CannotMove, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
+def _told(said: str, error: CannotMove, wanted: Instant, t: tuple[float, ...], best: Plan | None) -> CannotPlan:
+    helps = wanted.helps(error)
     return CannotPlan(
-        f"there is no plan: {said}" if best is None else said, t=t, plan=best, limits=error.limits,
+        f"{said} {error}{wanted.said(error, helps)}", t=t, plan=best, helps=helps, limits=error.limits,
         irreducible=error.irreducible, certificate=error.certificate, missing=error.missing, excess=error.excess,
         reason=error.reason,
     )  # fmt: skip
@@ -405,14 +418,15 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     )  # fmt: skip
 
 
-def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float) -> CannotPlan:
+def _failure(
+    supports: PlannedContacts, found: list[Plan], failed: NoSolution | None, limits: bool | float, share: float
+) -> CannotPlan:
     """Why there is no plan: by the momentum that is asked for, or by the instants of the nearest plan."""
     if not found:
-        share = (FLIGHTS if supports.flies else TRIED)[-1][1]
         said = f"no plan of {supports.robot.name} was found with {share:.0%} of the friction"
         if (proof := Momentum.of(supports, share).proof()) is not None:
             return _without_momentum(said, proof)
-        return CannotPlan(f"{said}: {failed}", t=())
+        return CannotPlan(f"{said}: {failed} More knots a second, rate=, come nearer to what limits allow.", t=())
     error = _of_nearest(found, limits)
     proof = Momentum.of(supports, between=True).proof() if len(supports.keys) > 2 else None
     if proof is None:
@@ -424,8 +438,9 @@ def _failure(supports: PlannedContacts, found: list[Plan], failed: NoSolution | 
 
 def _without_momentum(said: str, proof: MomentumProof) -> CannotPlan:
     return CannotPlan(
-        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof
-    )
+        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof,
+        helps=proof.helps,
+    )  # fmt: skip
 
 
 def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
@@ -440,18 +455,19 @@ def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])
     stands = best.contacts.standing(0.5 * float(x.start[worst] + x.end[worst]))
-    state = best.state(t).on(_limited(best.robot, limits))
+    state = best.state(t).on(limited(best.robot, limits))
     spans = f"{times[0]:.2f} s" if len(times) == 1 else f"{len(times)} instants from {times[0]:.2f} to {times[-1]:.2f} s"
     try:
         a = best.acceleration(t)
         if stands:
             state = project_velocity(state, stands)
             a = project_acceleration(state, a, stands).a
+        wanted = Instant(state, a, stands)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DistantContactWarning)  # poses of what is impossible may not reach
-            inverse_dynamics(state, a, stands, margin=0.0)
+            wanted.check()
     except CannotMove as error:
-        return _told(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", error, times, best)
+        return _told(f"no plan was found: at {t:.3f} s, one of {spans},", error, wanted, times, best)
     except NoSolution as error:
         return CannotPlan(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", t=times, plan=best)
     share = float((x.end - x.start)[x.sure].sum()) / best.duration

@@ -13,7 +13,7 @@ from rbd.centroid import CentroidCosts, CentroidPlan, CentroidProgram
 from rbd.centroid.program import inner_corners
 from rbd.errors import NoSolution
 from rbd.model.sampled_motion import interpolated_q
-from rbd.motion.frame_terms import numbers_of, placements
+from rbd.motion.frame_terms import carriers, numbers_of, placements
 from rbd.motion.reference_motion import minimum_jerk
 from rbd.motion.repair.feet import Feet, blend, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
@@ -32,10 +32,14 @@ FLYING = 5.0
 """What is missing on the base weighs so much more where nothing stands: no force takes up the rest."""
 FOLLOWS = 0.6
 """From pass to pass the plan's centre of mass stays nearer to that of the poses, by this: legs do not become longer."""
+HELD = 1e-6
+"""What a joint's unit of speed changes by less than this, of the momentum and the angular momentum over the mass, is held."""
 UNLOADS = 0.15
 """How long contacts take to come to the least with which they press [s]."""
-SETTLED = 1e-6
-"""Where the last step of a pass is shorter, poses and plan agree [m, rad]."""
+SETTLED, AGREES = 1e-6, 1e-4
+"""Where the last step of a pass is shorter [m, rad], and the plan's centre of mass is so near to the poses' [m], both agree."""
+SHRINKS, MORE = 0.8, 20
+"""While a pass leaves less than this of the distance between them there are more passes, so many at most."""
 NEARER = LIMIT_ROOM - 2e-3
 """Where keyframes have joints so, they come nearer to their limits than elsewhere, by this at most [rad]: least squares leave a
 little. Keyframes at the ends are met exactly."""
@@ -153,16 +157,19 @@ class Knots:
         owed, bent = np.zeros((2, len(self.t), 6))
         begins, ends = (sweep.com[0], np.zeros(3), np.zeros(3)), sweep.com[-1]
         com, moment = sweep.com, blurred(sweep.moment, 0.03 / self.dt)
+        held = self._held(sweep)
         more = AIR * self.supports.flies
         passes = list(zip(STIFFNESS, TURNS, strict=True))
         passes[-1:-1] = more * passes[-2:-1]
-        for i, (stiff, turns) in enumerate(passes):
-            nearer = FOLLOWS ** max(i - 1, 0)
+        most, apart = len(passes) + MORE, np.inf
+        for i in range(most):
+            stiff, turns = passes[i] if i < len(passes) else passes[-2]
+            nearer = FOLLOWS ** (max(i - 1, 0) + 2 * max(i + 1 - len(passes), 0))
             limits = None if plan is None else torque_rows(reference, self.feet, sweep, plan, self.places, group)
             costs = replace(self.costs, com=nearer * self.costs.com, momentum=nearer * self.costs.momentum)
             program = CentroidProgram(
                 self.dt, robot.mass, robot.gravity, places, touches, mu, com, moment, None, None,
-                (bool(self.on[0].any()), bool(self.on[-1].any())), limits, begins, ends, costs, normals, least,
+                (bool(self.on[0].any()), bool(self.on[-1].any())), limits, begins, ends, costs, normals, least, held,
             )  # fmt: skip
             try:
                 plan = program.solve(plan)
@@ -183,8 +190,11 @@ class Knots:
             owed = owed + (stiff == 1.0) * (left.need[:, :6] + bent)
             owed[[0, 1, 2, -3, -2, -1]] = 0.0
             com, moment = sweep.com, 0.5 * (plan.moment + sweep.moment)
-            done((i + 1.0) / len(passes))
-            if stiff == 1.0 and last < SETTLED:
+            before, apart = apart, float(np.abs(plan.com - sweep.com).max())
+            done(min((i + 1.0) / len(passes), 1.0))
+            if stiff == 1.0 and last < SETTLED and apart < AGREES:
+                break
+            if i + 1 >= len(passes) and not AGREES < apart < SHRINKS * before:
                 break
         assert plan is not None
         q = on_curve
@@ -193,6 +203,31 @@ class Knots:
             for i, share in zip(frames, 1.0 - blend(np.arange(0.0, ENDS, self.dt) / ENDS), strict=False):
                 q[i] = pin.integrate(robot.model, q[i], share * off)
         return q, plan
+
+    def _held(self, sweep: Sweep) -> tuple[Array, Array]:
+        """(times, rows) of `CentroidProgram.fixed`: what no joint changes of the momentum while the contacts rest."""
+        robot = self.supports.robot
+        moves, n = carriers(robot)[self.feet.joint], len(self.t)
+        rows = [np.zeros((n, 0, robot.nv))]
+        feet = self.feet.at(sweep.R, sweep.p)
+        for f, flat in enumerate(feet.flat):
+            J = np.where(moves[f], sweep.J, 0.0) * self.on[:, f, None, None]
+            rows.append(J[:, :3] + np.cross(J[:, 3:], feet.p[:, f, :, None], axis=1))
+            rows += [J[:, 3:]] * bool(flat)
+        J = np.concatenate(rows, axis=1)
+        own = np.concatenate([sweep.J_com, sweep.turning], axis=1)
+        left = own - own @ np.linalg.pinv(J, rcond=HELD) @ J
+        size, axes = np.linalg.eigh(left @ left.swapaxes(1, 2))
+        at, rows_at = list[int](), [np.zeros((0, 9))]
+        for k in np.flatnonzero((size < HELD**2).any(axis=1)):
+            own = axes[k][:, size[k] < HELD**2]
+            _, s, V = np.linalg.svd(own[3:])
+            turns = np.arange(len(V)) < (s > HELD).sum()  # the others are places
+            held = np.hstack([~turns[:, None] * (V @ own[:3].T), turns[:, None] * (V @ own.T)])
+            held = held[turns * (2 <= k < n - 2) | ~turns * (3 <= k < n - 3)]  # it is at rest before and after
+            at += [int(k)] * len(held)
+            rows_at.append(held)
+        return np.array(at, int), np.concatenate(rows_at)
 
     @lazy
     def coefficients(self) -> Array:

@@ -10,6 +10,7 @@ Limits are relaxed by columns, forces that the limit forbids, and by rows left o
     opens, slips    the same of points whose force the wanted motion decides
     base, passive   a wrench on the base; a torque at the joint
     flight, keyframe, rest      of plans: a wrench while nothing stands, any place of a keyframe, any motion at the end
+    reach                       of plans: limbs of any length between the contact and the centre of mass, or another contact
 
 A set is irreducible where each of them, relaxed alone, lets the rest be kept [Chinneck1991]: the deletion filter. Relaxing
 "push" relaxes friction, slip and edge of that contact too, so that it is named only where none of them is in the way.
@@ -42,7 +43,7 @@ class Limit(Displayed):
 
     Attributes:
         kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive"; of plans also
-            "flight", "keyframe" or "rest".
+            "flight", "keyframe", "rest" or "reach".
         name: Of the joint, or of the contact; or a time.
 
     Example:
@@ -72,6 +73,7 @@ class Limit(Displayed):
             "flight": f"the time {self.name}, in which nothing stands",
             "keyframe": f"the centre of mass at the keyframe of {self.name}",
             "rest": f"being at rest at {self.name}",
+            "reach": f"the length of the limbs from {self.name!r:.80}",
         }[self.kind]
 
 

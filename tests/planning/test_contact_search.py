@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import CannotPlan, InputError
-from rbd.planning.contact_search import BUDGET, ContactSearch, _inside
+from rbd.planning.contact_search import BUDGET, ContactSearch, _inside, grasps
 from rbd.planning.stays import centre_of
 
 
@@ -119,6 +120,52 @@ def test_a_box_that_is_too_high(talos: rbd.Robot):
     assert {"left_sole", "right_sole"} <= {words.split("'")[1] for words in caught.value.tried}
 
 
+def rail_of(robot: rbd.Robot) -> rbd.PointContact:
+    """The left hand, which may touch the top of a rail beside it."""
+    at = robot.standing().frame("gripper_left_base_link").X_WF.translation + [0.15, 0.02, -0.03]
+    rail = rbd.Terrain.boxes((tuple(at - [0.07, 0.07, 0.05]), tuple(at + [0.45, 0.06, 0.0])))
+    return rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rail)
+
+
+def test_a_hand_on_a_rail_where_legs_are_too_weak(talos: rbd.Robot, exhaustive: bool):
+    """65 % of the legs' torques: neither leg lifts it onto 20 cm, and it does with a hand; planned in an exhaustive run."""
+    legs = {name: x for name, x in zip(talos.actuated_names, talos.effort_limit, strict=True) if name.startswith("leg")}
+    weak, hand = talos.with_motors({name: rbd.Motor(limit=0.65 * x) for name, x in legs.items()}), rail_of(talos)
+    keys, terrain = {0.0: weak.standing(), 8.0: moved(weak, [0.4, 0.0, 0.2])}, box(0.2)
+    search = ContactSearch.of(
+        weak, keys, friction=0.6, ground=terrain, limited=weak, self_collision=True, hands=[hand]
+    )  # fmt: skip
+    alone, *held = search.supports()
+    assert alone == () and len(held) == 4 and next(search.sequences(), None) is None
+    assert any("a torque limit prevents it" in words for words in search.tried)
+    search = replace(search, held=held[0], tested={})
+    steps = next(search.sequences())
+    assert sorted(step.foot for step in steps) == [0, 1]
+    for step in steps:
+        other = search.feet[1 - step.foot]
+        for state in (step.lift, step.land):
+            assert centre_of(state, hand).translation == pytest.approx(held[0][0][1], abs=1e-9)
+            assert rbd.hold(rbd.State(weak, state.q), [other, hand]).forces["hand"][2] > 10.0
+    spans = search.contacts(steps)
+    assert spans.intervals("hand")[0][0] < min(spans.intervals(foot.name)[0][1] for foot in search.feet)
+    assert spans.intervals("hand")[0][1] > max(spans.intervals(foot.name)[1][0] for foot in search.feet)
+    if exhaustive:
+        plan = rbd.plan(weak, keys, "search", ground=terrain, hands=[hand], progress=False)
+        assert plan.proved and plan.contacts.intervals("hand") and plan.torque_use <= 1.0
+
+
+def test_places_of_hands(talos: rbd.Robot):
+    """On a wall the nearest point; on a rail points of its top, the nearest first; none where it is too far."""
+    wall = rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rbd.Ground(point=(0.5, 0, 0), normal=(-1, 0, 0)))
+    assert np.array(grasps(wall, np.array([0.1, 0.2, 1.0]))) == pytest.approx(np.array([[0.5, 0.2, 1.0]]))
+    hand = rail_of(talos)
+    at = talos.standing().frame("gripper_left_base_link").X_WF.translation
+    places = np.array(grasps(hand, at))
+    far = np.linalg.norm(places - at, axis=1)
+    assert len(places) == 4 and (np.diff(far) >= 0.0).all() and places[:, 2] == pytest.approx(at[2] - 0.03)
+    assert grasps(hand, at + [0.0, 3.0, 0.0]) == []
+
+
 def test_the_nearest_place_that_is_well_inside():
     """Of a unit square: on the way to its middle, half as far from an edge; where it is inside already, itself."""
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -133,6 +180,9 @@ def test_the_nearest_place_that_is_well_inside():
         ({"keyframes": {0.0: "standing", 1.0: "standing", 2.0: "standing"}}, "expected two, the first and the last"),
         ({"keyframes": ["standing"]}, "expected two"),
         ({"ground": None}, "expected a height, Ground or Terrain"),
+        ({"hands": [rbd.PointContact("hand", "FL_FOOT", friction=0.5)]}, "a point and its surface"),
+        ({"hands": ["FL_FOOT"]}, "a hand of plan"),
+        ({"hands": [rbd.PointContact("hand", "FL_FOOT", friction=0.5)], "contacts": {"front_left": True}}, "give them among"),
     ],
 )
 def test_words(solo: rbd.Robot, given: dict[str, Any], said: str):

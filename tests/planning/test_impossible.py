@@ -146,3 +146,7 @@ def test_it_is_refused_by_the_right_limits(task: Task, exhaustive: bool):
     assert isinstance(error, CannotPlan | CannotMove)
     assert {limit.kind for limit in error.limits} & set(task.named)
     assert error.certificate is not None or error.plan is not None
+    if task.kind == "slope":
+        assert error.helps["friction"] == pytest.approx((0.2 + task.size) / 0.2, rel=0.01)
+    if task.kind == "share of torques":  # at least what the task takes away is missing
+        assert 1.0 < error.helps["torque"] < 1.0 / task.size

@@ -92,6 +92,12 @@ class Sweep:
         return cls(robot, dt, q, v, a, need, by_q, by_v, M, J, R, p, com, R[:, 1] @ M[:, :3] / mass[:, None, None])
 
     @property
+    def turning(self) -> Array:
+        """Of the angular momentum about the centre of mass, in W, over the mass: its map from velocities, shape (n, 3, nv)."""
+        R, M = self.R[:, 1], self.M / self.M[:, :1, :1]
+        return np.asarray(R @ M[:, 3:6] + np.cross((self.p[:, 1] - self.com)[:, :, None], R @ M[:, :3], axis=1))
+
+    @property
     def moment(self) -> Array:
         """`need` about the centre of mass, in W, shape (n, 3) [N m]: where nothing pushes, the rate of angular momentum."""
         R = self.R[:, 1]
