@@ -260,8 +260,8 @@ class Cast {
       k += 10;
     }
     if (this.support) this.support.set(loaded);
+    if (this.ball) this.start = this.start || com;  // the view was measured for where the robot starts
     if (this.follow && this.ball) {
-      this.start = this.start || com;  // the view was measured for where the robot starts
       this.stage.carry([com[0] - this.start[0], com[1] - this.start[1], 0]);
     }
     this.stage.viewer.set_dirty();
