@@ -213,11 +213,12 @@ def compare(
     engines = first.engine or "the first", second.engine or "the second"
     if engines[0] == engines[1]:
         engines = f"{engines[0]} (1)", f"{engines[1]} (2)"
+    known = np.maximum(np.abs(taus).max(axis=1), np.linalg.norm(pushes, axis=2).max(axis=1))
     one, other = (_Side(*each) for each in zip(reports, engines, pairs, at.T, strict=True))
     found = EnginesCompared(
         reports=reports, names=engines, t=t, frames=at, apart=float(np.abs(first.t[at[:, 0]] - second.t[at[:, 1]]).max()),
         contacts=pairs[0].names, distance=np.abs(moved).max(axis=1), speed=np.abs(rates).max(axis=1),
-        known=np.maximum(np.abs(taus).max(axis=1), np.linalg.norm(pushes, axis=2).max(axis=1)), forces=one.forces - other.forces,
+        known=known, forces=one.forces - other.forces,
         limits={"distance": distance, "speed": speed, "force": force * reports[0].force_scale}, parting=None,
     )  # fmt: skip
     return replace(found, parting=_parting(found, (one, other), moved, rates, taus))

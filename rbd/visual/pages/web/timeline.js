@@ -28,6 +28,7 @@ class Player {
     const names = this.reels.map((each) => each.motion.name);
     const charts = motion.sheet ? null : motion.charts;
     this.curves = charts ? new Curves(charts, [this.first, this.last], names, (t) => this.go(t), arrange) : null;
+    if (motion.card) writeCard(stage.legend, motion.card, (t) => this.go(t));
     this.seek(this.asked() ?? motion.start);
     if (motion.playing) this.play(true);
     this.ending = new AbortController();

@@ -1,0 +1,415 @@
+"""An audit, or two engines compared, as they are shown: forces of engine and law, modes of points, lanes of the causes."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import cast
+
+import coal
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
+
+from rbd.arrays import Array, lazy
+from rbd.audits import CAUSES, AuditReport, EnginesCompared, Record
+from rbd.audits.body_pairs import BodyPairs
+from rbd.audits.record import WORLD, unit_of
+from rbd.errors import RbdError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import conjugate, rotated
+from rbd.records import counted
+from rbd.robots.robot import Robot
+from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
+from rbd.visual.playback.curves import FINE, Choice, CurveChart, CurveLine, chart
+from rbd.visual.playback.motion_frames import MOST_NUMBERS, body_poses
+from rbd.visual.playback.report_motion import YES, WorstFrame
+from rbd.visual.playback.shown_motion import Card, CardRow, Disks, ShownMotion, Track
+from rbd.visual.playback.trajectory_charts import Maker, chosen_charts, makers_of
+from rbd.visual.style import CONTACT_COLORS, GHOST_COLOR, PUSH_COLOR, WRENCH_COLOR, distinct_colors
+
+MOST_SOLVED = 300
+"""Frames in which the law's forces are computed: evenly, and the worst of each cause."""
+MOST_FRAMES = 1000
+"""Pictures of a page: of longer records evenly, and the worst frames."""
+WORST = 5
+"""Frames of each cause that are kept."""
+CREEPS = "creeps"
+MODE_COLORS: Mapping[str, str] = {OPEN: "#aab4be", STICKS: "#2166ac", SLIPS: "#f4b400", CREEPS: "#c0202e"}
+"""{mode of a point: colour of its disk}: a light grey, blue, yellow and red, of different lightness too."""
+LAW_COLOR = PUSH_COLOR
+NO_ANSWER, NO_ANSWER_COLOR = "no answer of the law", "#7f7f7f"
+MOST_PLACES, SHARE, LEAST = 16, 0.2, 0.01
+"""A point farther than this share of a contact's extent, and this length [m], from others is a new one; of so many at most."""
+
+
+def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
+    """An audit as a motion that can be shown.
+
+    Args:
+        report: Of one frame or more; one is shown as two.
+        solved: Frames in which the law's forces are computed at most.
+    """
+    record = report.record
+    every = np.arange(record.n) if record.n > 1 else np.zeros(2, int)
+    t = record.t if record.n > 1 else record.t[0] + np.array([0.0, record.step[0] or 1e-3])
+    pairs = BodyPairs.of_records([record])[0]
+    worst = np.unique([i for cause in report.ranked for i in report.worst(cause, WORST)]).astype(int)
+    places = _Places.of(record, pairs)
+    codes = _codes(report)
+    law = _Law.of(report, pairs, _thinned(record.n, solved, worst) if solved else np.zeros(0, int))
+    points, forces, modes, disks = {}, {}, dict[str, Sequence[str]](), {}
+    words, events, tracks = list(MODE_COLORS), list[Event](), list[Track]()
+    for p, name in enumerate(pairs.names):
+        points[name] = places.spread(p, record.points, np.nan)[every]
+        forces[name] = places.spread(p, pairs.signs[:, None] * record.forces, 0.0)[every]
+        own = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
+        disks[name] = Disks(MODE_COLORS, own, places.spread(p, record.normals, 0.0)[every])
+        most = own.max(axis=1)
+        modes[name] = [words[code] for code in most]
+        for i in np.flatnonzero(np.diff(np.minimum(most, 1))).tolist():
+            on = most[i + 1] > 0
+            events.append(Event(float(t[i + 1]), name, "touches" if on else "leaves", int(own[i + int(on)].argmax())))
+        if len(law.frames):
+            f = np.where(np.isnan(points[name]), 0.0, law.between(places.spread(p, law.forces, 0.0), 0.0)[every])
+            tracks.append(Track(f"{name}, by the law", points[name], f, LAW_COLOR, aside=True))
+    colors = dict(zip(CAUSES, distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) :], strict=True))
+    rows = []
+    for cause in report.ranked:
+        modes[cause] = np.where(report.of_cause(cause)[every], YES, OPEN).tolist()
+        rows.append(_row(report, cause, colors[cause]))
+        events.append(WorstFrame(rows[-1].t, cause, cause, words=f"{rows[-1].t:.4g} s: {cause}, {rows[-1].size} at most"))
+    lanes = {cause: colors[cause] for cause in report.ranked}
+    if law.reasons:
+        modes[NO_ANSWER] = np.where(law.failed[every], YES, OPEN).tolist()
+        lanes[NO_ANSWER] = NO_ANSWER_COLOR
+        firsts = {why.partition(":")[0]: i for i, why in sorted(law.reasons.items(), reverse=True)}
+        events += [WorstFrame(t[i], NO_ANSWER, NO_ANSWER, words=f"{t[i]:.4g} s: {law.reasons[i]}") for i in firsts.values()]
+    tracks += _others(report, every)
+    head, *lines = str(report).splitlines()
+    good = int((~report.sizes.any(axis=1)).sum())
+    width = 7 * record.robot.model.njoints + 6 * sum(p.shape[1] for p in points.values()) * 2
+    robot = solid_robot(record.robot)
+    shown = ShownMotion(
+        report, robot, t, record.q[every], record.v[every],
+        f"{record.engine or robot.name}: {good} of {record.n} frames without a cause", points, forces, modes, tuple(events),
+        lanes=lanes, pushes=tuple(tracks), name=record.engine,
+        at=t[_thinned(len(t), min(MOST_FRAMES, MOST_NUMBERS // width), worst)], disks=disks,
+        card=Card(tuple(rows), (head, *lines[(1 + len(rows)) * bool(rows) :])), notes=law.notes,
+        defaults={"trace": False, "footprints": False, "start": rows[0].t if rows else float(t[0])},
+    )  # fmt: skip
+    sums = {name: total[every] for name, total in _sums(report, pairs, law).items()}
+    return replace(shown, charts=partial(audit_charts, shown, report, sums, every))
+
+
+def shown_comparison(compared: EnginesCompared) -> ShownMotion:
+    """Two records as motions beside each other, with lanes of where they part."""
+    one, other = (shown_audit(report, 0) for report in compared.reports)
+    limits, near = compared.limits, np.searchsorted(compared.frames[:, 0], np.arange(compared.reports[0].record.n), "right") - 1
+    near = np.resize(np.maximum(near, 0), len(one.t))
+    parts = {
+        "motions apart": (GHOST_COLOR, compared.distance, limits["distance"], 1e3, "mm"),
+        "forces apart": (WRENCH_COLOR, compared.force, limits["force"], 1.0, "N"),
+    }
+    modes, rows, events = {name: one.modes[name] for name in one.points}, [], [e for e in one.events if e.name in one.points]
+    for name, (color, values, limit, factor, unit) in parts.items():
+        apart = values > limit
+        modes[name] = np.where(apart[near], YES, OPEN).tolist()
+        t, size = float(compared.t[apart.argmax()]), f"{factor * values.max():.3g} {unit}"
+        if apart.any():
+            rows.append(CardRow(name, color, str(int(apart.sum())), size, t, f"by more than {factor * limit:.3g} {unit}"))
+            events.append(WorstFrame(t, name, name, words=f"{t:.4g} s: {name} by more than {factor * limit:.3g} {unit}"))
+    start = one.t[0] if compared.parting is None else max(compared.parting.t, one.t[0])
+    told, *lines = str(compared).splitlines()
+    return replace(
+        one, title=told.split(": ")[0].removesuffix("."), modes=modes, events=tuple(events), name=compared.names[0],
+        lanes={name: part[0] for name, part in parts.items() if name in [row.name for row in rows]},
+        card=Card(tuple(rows), (told, *lines)), charts=partial(comparison_charts, one, compared, near),
+        defaults={"trace": False, "footprints": False, "start": float(start), "beside": replace(other, name=compared.names[1])},
+    )  # fmt: skip
+
+
+def audit_charts(
+    shown: ShownMotion, report: AuditReport, sums: Mapping[str, Array], every: Array, choice: Choice = True
+) -> list[CurveChart]:
+    """The charts of an audit: forces, those of engine and law, what is missing, sliding, depth; or those that are named.
+
+    Args:
+        shown: The motion.
+        report: The audit.
+        sums: {"engine" or "law": sum of the normal forces}, shape (n,) [N].
+        every: Frame of the record at each sample, shape (n,).
+        choice: True, False, or names: "forces", "engine and law", "sliding", "depth", "missing force".
+
+    Raises:
+        InputError: an unknown name, or one that there are no numbers for.
+    """
+    own: dict[str, Maker] = {
+        "forces": makers_of(shown)["forces"],
+        "engine and law": partial(_both, sums),
+        "sliding": partial(_sliding, report, every),
+        "depth": partial(_depth, report, every),
+        "missing force": partial(_missing, report, every),
+    }
+    return chosen_charts(shown.robot.name, own, choice, tuple(own))
+
+
+def comparison_charts(shown: ShownMotion, compared: EnginesCompared, near: Array, choice: Choice = True) -> list[CurveChart]:
+    """The charts of two engines compared: how far motions and forces are apart, and the charts of the first.
+
+    Args:
+        shown: The first motion.
+        compared: The comparison.
+        near: Common time of each of its samples, shape (n,).
+        choice: True, False, or names.
+
+    Raises:
+        InputError: an unknown name, or one that there are no numbers for.
+    """
+    own: dict[str, Maker] = {
+        name: partial(_apart, name, f"{name}, {unit}", factor * values[near], factor * limit)
+        for name, values, factor, unit, limit in (
+            ("motions apart", compared.distance, 1e3, "mm", compared.limits["distance"]),
+            ("forces apart", compared.force, 1.0, "N", compared.limits["force"]),
+        )
+    }
+    named = {name: partial(_named, shown, name) for name in ("forces", "sliding", "depth", "missing force")}
+    return chosen_charts(shown.robot.name, own | named, choice, (*own, *named))
+
+
+def _named(shown: ShownMotion, name: str) -> CurveChart | None:
+    return next((made for made in shown.charts(True) if made.name == name), None)
+
+
+def _apart(name: str, title: str, values: Array, limit: float) -> CurveChart:
+    return chart(
+        name, title, [CurveLine("largest difference", GHOST_COLOR, values)], limits={"limit": limit}, least_top=2 * limit
+    )
+
+
+def _both(sums: Mapping[str, Array]) -> CurveChart | None:
+    if "law" not in sums:
+        return None
+    lines = [CurveLine("engine", CONTACT_COLORS[0], sums["engine"]), CurveLine("law", LAW_COLOR, sums["law"], FINE)]
+    return chart("engine and law", "sum of the normal forces, N", lines, percentile=98.0)
+
+
+def _missing(report: AuditReport, every: Array) -> CurveChart:
+    threshold = 100.0 * report.thresholds.balance
+    lines = [CurveLine("missing", WRENCH_COLOR, 100.0 * report.missing_scaled[every])]
+    return chart("missing force", "missing force, % of the weight", lines, limits={"threshold": threshold}, least_top=2.0 * threshold, percentile=98.0)
+
+
+def _sliding(report: AuditReport, every: Array) -> CurveChart | None:
+    loaded, speed = ~report.laws.free, np.linalg.norm(report.laws.slip, axis=1)
+    creeps = report.points["creeps"] > 0.0
+    lines = [
+        CurveLine(name, MODE_COLORS[mode], 1e3 * _largest(report.record, np.where(on, speed, 0.0))[every])
+        for name, mode, on in (("on the cone", SLIPS, loaded & ~creeps), ("creeps", CREEPS, loaded & creeps))
+    ]
+    return chart("sliding", "speed of points that push, mm/s", lines, percentile=98.0) if loaded.any() else None
+
+
+def _depth(report: AuditReport, every: Array) -> CurveChart | None:
+    gaps = report.record.gaps
+    if not np.isfinite(gaps).any():
+        return None
+    depth = 1e3 * _largest(report.record, np.nan_to_num(np.maximum(-gaps, 0.0)))[every]
+    limits = {"threshold": 1e3 * report.thresholds.depth}
+    return chart("depth", "depth of the surfaces in each other, mm", [CurveLine("deepest", GHOST_COLOR, depth)], limits=limits)
+
+
+def _largest(record: Record, values: Array) -> Array:
+    """Largest of each frame's points, shape (n,); zero without."""
+    out = np.zeros(record.n)
+    np.maximum.at(out, record.contact_at, values)
+    return out
+
+
+def _sums(report: AuditReport, pairs: BodyPairs, law: _Law) -> dict[str, Array]:
+    """Sums of normal forces by engine and law, shape (n,) [N]; NaN where the law has no answer."""
+    record = report.record
+    sums = {"engine": np.bincount(record.contact_at, report.laws.push, record.n)}
+    if len(law.frames):
+        push = pairs.signs * np.einsum("ki,ki->k", law.forces, record.normals)
+        sums["law"] = law.between(np.bincount(record.contact_at, push, record.n), np.nan)
+    return sums
+
+
+def _codes(report: AuditReport) -> Array:
+    """Mode of each point, as its place in `MODE_COLORS`, shape (k,)."""
+    moves = np.linalg.norm(report.laws.slip, axis=1) > report.thresholds.speed
+    return np.where(report.laws.free, 0, np.where(report.points["creeps"] > 0.0, 3, np.where(moves, 2, 1)))
+
+
+def _row(report: AuditReport, cause: str, color: str) -> CardRow:
+    i, (unit, meaning) = int(report.worst(cause, 1)[0]), CAUSES[cause]
+    size = float(report.sizes[i, list(CAUSES).index(cause)])
+    told = f"{1e3 * size:.3g} m{unit}" if unit in ("m", "m/s") else f"{size:.3g} {unit}"
+    return CardRow(cause, color, str(int(report.of_cause(cause).sum())), told, float(report.record.t[i]), meaning)
+
+
+class SolidRobot(CheckedModel):
+    """A bare model with the boxes that have its bodies' inertias, to be drawn.
+
+    Args:
+        robot: The model.
+    """
+
+    def __init__(self, robot: CheckedModel) -> None:
+        super().__init__(robot.model, name=robot.name)
+        self.visual_model, self.collision_model = pin.GeometryModel(), pin.GeometryModel()
+        for joint, inertia in enumerate(robot.model.inertias):
+            if joint == 0 or inertia.mass <= 0.0:
+                continue
+            moments, R = np.linalg.eigh(inertia.inertia)
+            sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / inertia.mass, 1e-12))
+            X = pin.SE3(R * np.sign(np.linalg.det(R)), inertia.lever)
+            shape = pin.GeometryObject(robot.model.names[joint], joint, X, coal.Box(*sides))
+            shape.meshColor = np.array([0.55, 0.6, 0.66, 1.0])
+            self.visual_model.addGeometryObject(shape)
+
+
+def solid_robot(robot: CheckedModel) -> Robot:
+    """A robot that can be drawn: itself if it has shapes, else with boxes of its inertias."""
+    return cast("Robot", robot if hasattr(robot, "visual_model") else SolidRobot(robot))
+
+
+def _thinned(n: int, most: int, kept: Array) -> Array:
+    """Numbers of frames: all of up to `most`, else evenly, with those that are kept among them."""
+    return np.arange(n) if n <= most else np.union1d(np.linspace(0, n - 1, max(most - len(kept), 2)).round().astype(int), kept)
+
+
+def _others(report: AuditReport, every: Array) -> list[Track]:
+    """The record's pushes, one track a body, and the force that is missing on the first free body."""
+    record, tracks = report.record, []
+    for body in np.unique(record.push_bodies):
+        on = record.push_bodies == body
+        p, f = np.full((record.n, 1, 3), np.nan), np.zeros((record.n, 1, 3))
+        p[record.push_at[on], 0] = record.push_points[on]
+        np.add.at(f[:, 0], record.push_at[on], record.push_forces[on])
+        tracks.append(Track(f"push on {record.bodies[body]}", p[every], f[every], CONTACT_COLORS[6]))
+    piece = next((piece for piece in record.robot.joints.pieces if piece.kind == "space"), None)
+    if piece is not None and report.of_cause("balance").any():
+        com = body_poses(record.robot, record.q, ())[1][:, None]
+        force = Rotation.from_quat(record.q[:, unit_of(piece)]).apply(report.missing[:, piece.v : piece.v + 3])
+        tracks.append(Track("missing force", com[every], force[every, None], WRENCH_COLOR))
+    return tracks
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """The points of each pair of bodies as columns that stay the same point of the body, however an engine lists them."""
+
+    record: Record
+    pairs: BodyPairs
+    columns: Array
+    widths: tuple[int, ...]
+
+    @classmethod
+    def of(cls, record: Record, pairs: BodyPairs) -> _Places:
+        joints = sorted(set(pairs.joints[:, 0].tolist()))
+        poses = body_poses(record.robot, record.q, joints)[0]
+        columns, widths = np.zeros(len(record.contact_at), int), []
+        for p, joint in enumerate(pairs.joints[:, 0].tolist()):
+            own = np.flatnonzero(pairs.of == p)
+            X = poses[record.contact_at[own], joints.index(joint)]
+            local = rotated(conjugate(X[:, 3:]), record.points[own] - X[:, :3])
+            columns[own] = _followed(local, record.contact_at[own])
+            widths.append(int(columns[own].max()) + 1)
+        return cls(record, pairs, columns, tuple(widths))
+
+    def spread(self, p: int, values: Array, none: float) -> Array:
+        """Values of the points of a pair, shape (k, d), as shape (n, columns, d), with a number where there is no point."""
+        own = np.flatnonzero(self.pairs.of == p)
+        out = np.full((self.record.n, self.widths[p], values.shape[1]), none, float)
+        out[self.record.contact_at[own], self.columns[own]] = values[own]
+        return out
+
+
+def _followed(local: Array, frame: Array) -> Array:
+    """A number for each point, the same from frame to frame where it stays near, shape (k,)."""
+    near = max(SHARE * float(np.ptp(local, axis=0).max()), LEAST)
+    out, places = np.zeros(len(local), int), np.zeros((0, 3))
+    for own in np.split(np.arange(len(local)), np.flatnonzero(np.diff(frame)) + 1):
+        far = np.linalg.norm(local[own, None] - places[None], axis=2)
+        new = np.full((len(own), len(own)), near if len(places) < MOST_PLACES else 1e9)
+        column = linear_sum_assignment(np.hstack([far, new]))[1]
+        fresh = column >= len(places)
+        column[fresh] = len(places) + np.arange(fresh.sum())
+        places = np.vstack([places, np.zeros((fresh.sum(), 3))])
+        places[column], out[own] = local[own], column
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """What `rbd.solve` gives in some frames of a record of n frames.
+
+    Attributes:
+        frames: Those frames, increasing, shape (s,); none: nothing was solved.
+        forces: Of each point in these frames, on the first body of its pair, zero in others, shape (k, 3) [N].
+        reasons: {frame: why there is no answer}.
+        n: Number of frames.
+    """
+
+    frames: Array
+    forces: Array
+    reasons: Mapping[int, str]
+    n: int
+
+    @classmethod
+    def of(cls, report: AuditReport, pairs: BodyPairs, frames: Array) -> _Law:
+        """Solved, frame by frame."""
+        record, reasons = report.record, dict[int, str]()
+        forces = np.zeros((len(record.contact_at), 3))
+        for i in frames.tolist():
+            points = range(int(record.starts[i]), int(record.starts[i + 1]))
+            try:
+                with warnings.catch_warnings(action="ignore"):
+                    found = report.answer(i).corner_forces
+            except RbdError as error:
+                reasons[i] = f"{type(error).__name__}: {str(error).splitlines()[0]:.160}"
+            else:
+                for j, point in enumerate(points):
+                    forces[point] = np.nan_to_num(found[f"point {j}"][0])
+        on_second = np.array([record.bodies[b] == WORLD for b in record.contact_bodies[:, 0]], bool)
+        return cls(frames, (pairs.signs * np.where(on_second, -1.0, 1.0))[:, None] * forces, reasons, record.n)
+
+    @lazy
+    def _around(self) -> tuple[Array, Array]:
+        """(solved frame before, solved frame after) of each frame, itself where it is solved, shape (n,)."""
+        every, last = np.arange(self.n), len(self.frames) - 1
+        place = np.searchsorted(self.frames, every)
+        after = self.frames[np.minimum(place, last)]
+        return np.where(after == every, after, self.frames[np.clip(place - 1, 0, last)]), after
+
+    @lazy
+    def failed(self) -> Array:
+        """In which frames there is no answer, shape (n,): neither solved nor between two that are."""
+        bad = np.isin(np.arange(self.n), [*self.reasons])
+        before, after = self._around
+        return bad[before] | bad[after]
+
+    def between(self, values: Array, none: float) -> Array:
+        """Values of solved frames, shape (n, ...), at all: straight between two, with a number where there is no answer."""
+        before, after = self._around
+        share = (np.arange(self.n) - before) / np.maximum(after - before, 1)
+        w = share.reshape(-1, *[1] * (values.ndim - 1))
+        out = (1.0 - w) * values[before] + w * values[after]
+        out[self.failed] = none
+        return np.asarray(out)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the legend says."""
+        if not len(self.frames):
+            return ()
+        few = len(self.frames) < self.n
+        part = f"{len(self.frames)} of {self.n} frames, interpolated in between" if few else "all frames"
+        told = f"The law's forces, drawn aside of the engine's: rbd.solve in {part}"
+        none = f"; {counted(len(self.reasons), 'has', 'have')} no answer, see the lane" if self.reasons else ""
+        return (f"{told}{none}.",)
