@@ -41,6 +41,8 @@ CREEPS = "creeps"
 MODE_COLORS: Mapping[str, str] = {OPEN: "#aab4be", STICKS: "#2166ac", SLIPS: "#f4b400", CREEPS: "#c0202e"}
 """{mode of a point: colour of its disk}: a light grey, blue, yellow and red, of different lightness too."""
 LAW_COLOR = PUSH_COLOR
+SEEN_FROM = (1.0, 0.28, 0.34)
+"""Of two motions beside each other: neither hides the other."""
 NO_ANSWER, NO_ANSWER_COLOR = "no answer of the law", "#7f7f7f"
 MOST_PLACES, SHARE, LEAST = 16, 0.2, 0.01
 """A point farther than this share of a contact's extent, and this length [m], from others is a new one; of so many at most."""
@@ -90,6 +92,7 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
         events += [WorstFrame(t[i], NO_ANSWER, NO_ANSWER, words=f"{t[i]:.4g} s: {law.reasons[i]}") for i in firsts.values()]
     tracks += _others(report, every)
     head, *lines = str(report).splitlines()
+    explained = report.explanations[0].text if report.explanations else ""
     good = int((~report.sizes.any(axis=1)).sum())
     width = 7 * record.robot.model.njoints + 6 * sum(p.shape[1] for p in points.values()) * 2
     robot = solid_robot(record.robot)
@@ -98,7 +101,7 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
         f"{record.engine or robot.name}: {good} of {record.n} frames without a cause", points, forces, modes, tuple(events),
         lanes=lanes, pushes=tuple(tracks), name=record.engine,
         at=t[_thinned(len(t), min(MOST_FRAMES, MOST_NUMBERS // width), worst)], disks=disks,
-        card=Card(tuple(rows), (head, *lines[(1 + len(rows)) * bool(rows) :])), notes=law.notes,
+        card=Card(explained, tuple(rows), (head, *lines[(1 + len(rows)) * bool(rows) :])), notes=law.notes,
         defaults={"trace": False, "footprints": False, "start": rows[0].t if rows else float(t[0])},
     )  # fmt: skip
     sums = {name: total[every] for name, total in _sums(report, pairs, law).items()}
@@ -107,14 +110,14 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
 
 def shown_comparison(compared: EnginesCompared) -> ShownMotion:
     """Two records as motions beside each other, with lanes of where they part."""
-    one, other = (shown_audit(report, 0) for report in compared.reports)
+    one, other = (_contacts_only(shown_audit(report, 0)) for report in compared.reports)
     limits, near = compared.limits, np.searchsorted(compared.frames[:, 0], np.arange(compared.reports[0].record.n), "right") - 1
     near = np.resize(np.maximum(near, 0), len(one.t))
     parts = {
         "motions apart": (GHOST_COLOR, compared.distance, limits["distance"], 1e3, "mm"),
         "forces apart": (WRENCH_COLOR, compared.force, limits["force"], 1.0, "N"),
     }
-    modes, rows, events = {name: one.modes[name] for name in one.points}, [], [e for e in one.events if e.name in one.points]
+    modes, events, rows = dict(one.modes), [*one.events], list[CardRow]()
     for name, (color, values, limit, factor, unit) in parts.items():
         apart = values > limit
         modes[name] = np.where(apart[near], YES, OPEN).tolist()
@@ -123,13 +126,20 @@ def shown_comparison(compared: EnginesCompared) -> ShownMotion:
             rows.append(CardRow(name, color, str(int(apart.sum())), size, t, f"by more than {factor * limit:.3g} {unit}"))
             events.append(WorstFrame(t, name, name, words=f"{t:.4g} s: {name} by more than {factor * limit:.3g} {unit}"))
     start = one.t[0] if compared.parting is None else max(compared.parting.t, one.t[0])
+    own = {"start": float(start), "seen_from": SEEN_FROM, "beside": replace(other, name=compared.names[1])}
     told, *lines = str(compared).splitlines()
     return replace(
         one, title=told.split(": ")[0].removesuffix("."), modes=modes, events=tuple(events), name=compared.names[0],
         lanes={name: part[0] for name, part in parts.items() if name in [row.name for row in rows]},
-        card=Card(tuple(rows), (told, *lines)), charts=partial(comparison_charts, one, compared, near),
-        defaults={"trace": False, "footprints": False, "start": float(start), "beside": replace(other, name=compared.names[1])},
+        card=Card(told.partition(": ")[2], tuple(rows), tuple(lines)), charts=partial(comparison_charts, one, compared, near),
+        defaults={**one.defaults, **own},
     )  # fmt: skip
+
+
+def _contacts_only(shown: ShownMotion) -> ShownMotion:
+    """An audit without its causes."""
+    events = tuple([event for event in shown.events if event.name in shown.points])
+    return replace(shown, modes={name: shown.modes[name] for name in shown.points}, events=events, lanes={})
 
 
 def audit_charts(
@@ -200,7 +210,14 @@ def _both(sums: Mapping[str, Array]) -> CurveChart | None:
 def _missing(report: AuditReport, every: Array) -> CurveChart:
     threshold = 100.0 * report.thresholds.balance
     lines = [CurveLine("missing", WRENCH_COLOR, 100.0 * report.missing_scaled[every])]
-    return chart("missing force", "missing force, % of the weight", lines, limits={"threshold": threshold}, least_top=2.0 * threshold, percentile=98.0)
+    return chart(
+        "missing force",
+        "missing force, % of the weight",
+        lines,
+        limits={"threshold": threshold},
+        least_top=2.0 * threshold,
+        percentile=98.0,
+    )
 
 
 def _sliding(report: AuditReport, every: Array) -> CurveChart | None:
@@ -210,7 +227,10 @@ def _sliding(report: AuditReport, every: Array) -> CurveChart | None:
         CurveLine(name, MODE_COLORS[mode], 1e3 * _largest(report.record, np.where(on, speed, 0.0))[every])
         for name, mode, on in (("on the cone", SLIPS, loaded & ~creeps), ("creeps", CREEPS, loaded & creeps))
     ]
-    return chart("sliding", "speed of points that push, mm/s", lines, percentile=98.0) if loaded.any() else None
+    least = 2e3 * report.thresholds.speed
+    return (
+        chart("sliding", "speed of points that push, mm/s", lines, least_top=least, percentile=98.0) if loaded.any() else None
+    )
 
 
 def _depth(report: AuditReport, every: Array) -> CurveChart | None:
@@ -219,7 +239,8 @@ def _depth(report: AuditReport, every: Array) -> CurveChart | None:
         return None
     depth = 1e3 * _largest(report.record, np.nan_to_num(np.maximum(-gaps, 0.0)))[every]
     limits = {"threshold": 1e3 * report.thresholds.depth}
-    return chart("depth", "depth of the surfaces in each other, mm", [CurveLine("deepest", GHOST_COLOR, depth)], limits=limits)
+    least, lines = 2e3 * report.thresholds.depth, [CurveLine("deepest", GHOST_COLOR, depth)]
+    return chart("depth", "depth of the surfaces in each other, mm", lines, limits=limits, least_top=least)
 
 
 def _largest(record: Record, values: Array) -> Array:

@@ -87,10 +87,12 @@ class Card:
     """What was found, as a table with lines below it.
 
     Attributes:
+        words: What is said above it; empty: nothing.
         rows: Of the table.
         lines: Folded at first.
     """
 
+    words: str
     rows: tuple[CardRow, ...]
     lines: tuple[str, ...]
 

@@ -178,7 +178,7 @@ class Cast {
       if (many) thin.push(new Arrow(corners, color, 0.45 * shaft));
       if (isPush) continue;
       if (disks) {
-        dots.push({ disk: twice(cylinder(6 * shaft, 0.8 * shaft, 28), color, 1, 0.45) });
+        dots.push({ disk: twice(cylinder(4.2 * shaft, 0.8 * shaft, 28), color, 1, 0.45) });
         corners.add(dots[i].disk);
         continue;
       }

@@ -28,8 +28,10 @@ function columnNames(table, names, skip) {
 }
 
 // What was found, below the title: a row goes to the time of its largest size; lines are folded at first.
-function writeCard(legend, { rows, lines }, go) {
-  const card = make("div", "card"), table = make("table", "", card);
+function writeCard(legend, { words, rows, lines }, go) {
+  const card = make("div", "card");
+  if (words) make("p", "", card, words);
+  const table = make("table", "", card);
   for (const { name, color, count, size, t, words } of rows) {
     const line = table.insertRow();
     make("i", "", line.insertCell()).style.background = color;
