@@ -14,7 +14,7 @@ import pinocchio as pin
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, largest_first, lazy
 from rbd.audits import CAUSES, AuditReport, EnginesCompared, Record
 from rbd.audits.body_pairs import BodyPairs
 from rbd.audits.record import WORLD, unit_of
@@ -24,7 +24,7 @@ from rbd.model.sampled_motion import conjugate, rotated
 from rbd.records import counted
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
-from rbd.visual.playback.curves import FINE, Choice, CurveChart, CurveLine, chart
+from rbd.visual.playback.curves import FINE, Choice, CurveChart, CurveLine, chart, top_of
 from rbd.visual.playback.motion_frames import MOST_NUMBERS, body_poses
 from rbd.visual.playback.report_motion import YES, WorstFrame
 from rbd.visual.playback.shown_motion import Card, CardRow, Disks, ShownMotion, Track
@@ -33,6 +33,8 @@ from rbd.visual.style import CONTACT_COLORS, GHOST_COLOR, PUSH_COLOR, WRENCH_COL
 
 MOST_SOLVED = 300
 """Frames in which the law's forces are computed: evenly, and the worst of each cause."""
+MOST_POINTS = 1500
+"""Points in these frames together: sliding at many points takes a tenth of a second."""
 MOST_FRAMES = 1000
 """Pictures of a page: of longer records evenly, and the worst frames."""
 WORST = 5
@@ -62,10 +64,13 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
     worst = np.unique([i for cause in report.ranked for i in report.worst(cause, WORST)]).astype(int)
     places = _Places.of(record, pairs)
     codes = _codes(report)
+    solved = min(solved, record.n * MOST_POINTS // max(len(record.contact_at), 1))
     law = _Law.of(report, pairs, _thinned(record.n, solved, worst) if solved else np.zeros(0, int))
     points, forces, modes, disks = {}, {}, dict[str, Sequence[str]](), {}
     words, events, tracks = list(MODE_COLORS), list[Event](), list[Track]()
-    for p, name in enumerate(pairs.names):
+    loads = np.bincount(pairs.of, np.linalg.norm(record.forces, axis=1), len(pairs.names))
+    for p in largest_first(loads).tolist():
+        name = pairs.names[p]
         points[name] = places.spread(p, record.points, np.nan)[every]
         forces[name] = places.spread(p, pairs.signs[:, None] * record.forces, 0.0)[every]
         own = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
@@ -204,7 +209,8 @@ def _both(sums: Mapping[str, Array]) -> CurveChart | None:
     if "law" not in sums:
         return None
     lines = [CurveLine("engine", CONTACT_COLORS[0], sums["engine"]), CurveLine("law", LAW_COLOR, sums["law"], FINE)]
-    return chart("engine and law", "sum of the normal forces, N", lines, percentile=98.0)
+    made = chart("engine and law", "sum of the normal forces, N", lines, percentile=98.0)
+    return replace(made, top=min(made.top, 3.0 * top_of(sums["engine"], 0.0, 98.0)))  # the law's may be as large as they like
 
 
 def _missing(report: AuditReport, every: Array) -> CurveChart:

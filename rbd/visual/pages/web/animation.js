@@ -369,7 +369,7 @@ class Cues {
       const vector = more.insertCell();
       vector.colSpan = normals ? 4 : 3;
       vector.className = "detail";
-      return { ...made, vector };
+      return { ...made, vector, more, aside: c.aside };
     });
     const disks = motion.contacts.find((c) => c.disks);
     if (disks) {
@@ -415,6 +415,7 @@ class Cues {
       cell.value.textContent = newtons(size);
       cell.vector.textContent = `(${tracks[n + i].force.map((x) => (Math.abs(x) < 5e-4 ? 0 : Number(x.toPrecision(3)))).join(", ")}) N`;
       cell.line.className = size ? "" : "idle";
+      if (cell.aside) cell.line.hidden = cell.more.hidden = !size;
     });
   }
 }

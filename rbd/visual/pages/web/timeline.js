@@ -61,6 +61,8 @@ class Player {
   room() {
     const bar = this.footer.offsetHeight;
     const { beside, below } = this.curves ? this.curves.place(bar) : { beside: 0, below: 0 };
+    const { style } = this.cast.stage.legend;
+    style.maxHeight = style.maxHeight || `calc(100vh - ${Math.max(160, bar + 76)}px)`;
     return { beside, foot: (bar ? bar + 12 : 0) + below };
   }
 
