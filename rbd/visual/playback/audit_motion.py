@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import cast
+from typing import TypeAlias, cast
 
 import coal
 import numpy as np
@@ -32,11 +32,11 @@ from rbd.visual.playback.trajectory_charts import Maker, chosen_charts, makers_o
 from rbd.visual.style import CONTACT_COLORS, GHOST_COLOR, PUSH_COLOR, WRENCH_COLOR, distinct_colors
 
 MOST_SOLVED = 300
-"""Frames in which the law's forces are computed: evenly, and the worst of each cause."""
+"""Frames in which the law's forces are computed, chosen likewise."""
 MOST_POINTS = 1500
 """Points in these frames together: sliding at many points takes a tenth of a second."""
 MOST_FRAMES = 1000
-"""Pictures of a page: of longer records evenly, and the worst frames."""
+"""Pictures of a page: of longer records the worst frames, and others, see `_thinned`."""
 WORST = 5
 """Frames of each cause that are kept."""
 CREEPS = "creeps"
@@ -55,62 +55,68 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
 
     Args:
         report: Of one frame or more; one is shown as two.
-        solved: Frames in which the law's forces are computed at most.
+        solved: Frames in which the law's forces are computed at most; 0: only the engine's are shown.
     """
-    record = report.record
+    record, pairs = report.record, BodyPairs.of_records([report.record])[0]
     every = np.arange(record.n) if record.n > 1 else np.zeros(2, int)
     t = record.t if record.n > 1 else record.t[0] + np.array([0.0, record.step[0] or 1e-3])
-    pairs = BodyPairs.of_records([record])[0]
-    worst = np.unique([i for cause in report.ranked for i in report.worst(cause, WORST)]).astype(int)
-    places = _Places.of(record, pairs)
-    codes = _codes(report)
     solved = min(solved, record.n * MOST_POINTS // max(len(record.contact_at), 1))
-    law = _Law.of(report, pairs, _thinned(record.n, solved, worst) if solved else np.zeros(0, int))
-    points, forces, modes, disks = {}, {}, dict[str, Sequence[str]](), {}
-    words, events, tracks = list(MODE_COLORS), list[Event](), list[Track]()
+    law = _Law.of(report, pairs, _thinned(report, solved) if solved else np.zeros(0, int))
+    points, forces, disks, by_law = _contacts(report, pairs, law, every)
+    words, events, rows = [*MODE_COLORS], list[Event](), [_row(report, cause) for cause in report.ranked]
+    most = {name: disk.codes.max(axis=1) for name, disk in disks.items()}
+    modes = {name: [words[code] for code in codes] for name, codes in most.items()}
+    for name, codes in most.items():
+        for i in np.flatnonzero(np.diff(np.minimum(codes, 1))).tolist():
+            on = bool(codes[i + 1])
+            first = int(disks[name].codes[i + on].argmax())
+            events.append(Event(float(t[i + 1]), name, "touches" if on else "leaves", first))
+    for row in rows:
+        modes[row.name] = np.where(report.of_cause(row.name)[every], YES, OPEN).tolist()
+        events.append(WorstFrame(row.t, row.name, row.name, words=f"{row.t:.4g} s: {row.name}, {row.size} at most"))
+    lanes = {row.name: row.color for row in rows}
+    if law.reasons:
+        modes[NO_ANSWER], lanes[NO_ANSWER] = np.where(law.failed[every], YES, OPEN).tolist(), NO_ANSWER_COLOR
+        firsts = {why.partition(":")[0]: i for i, why in sorted(law.reasons.items(), reverse=True)}
+        events += [WorstFrame(t[i], NO_ANSWER, NO_ANSWER, words=f"{t[i]:.4g} s: {law.reasons[i]}") for i in firsts.values()]
+    robot, (head, *lines) = solid_robot(record.robot), str(report).splitlines()
+    lines = lines[(1 + len(rows)) * bool(rows) :]  # without the table
+    good, width = (
+        int((~report.sizes.any(axis=1)).sum()),
+        7 * robot.model.njoints + 12 * sum(p.shape[1] for p in points.values()),
+    )
+    shown = ShownMotion(
+        report, robot, t, record.q[every], record.v[every],
+        f"{record.engine or robot.name}: {good} of {record.n} frames without a cause", points, forces, modes, tuple(events),
+        lanes=lanes, pushes=(*by_law, *_others(report, every)), name=record.engine, disks=disks, notes=law.notes,
+        at=t[_thinned(report, min(MOST_FRAMES, MOST_NUMBERS // width))] if record.n > 1 else t,
+        card=Card("".join([x.text for x in report.explanations[:1]]), tuple(rows), (head, *lines)),
+        defaults={"trace": False, "footprints": False, "start": rows[0].t if rows else float(t[0])},
+    )  # fmt: skip
+    sums = {name: total[every] for name, total in _sums(report, pairs, law).items()}
+    return replace(shown, charts=partial(audit_charts, shown, report, sums, every))
+
+
+_Columns: TypeAlias = dict[str, Array]
+
+
+def _contacts(
+    report: AuditReport, pairs: BodyPairs, law: _Law, every: Array
+) -> tuple[_Columns, _Columns, dict[str, Disks], list[Track]]:
+    """(points, the engine's forces, disks) of each pair of bodies that touch, that of most load first; the law's forces."""
+    record, points, forces, disks, by_law = report.record, _Columns(), _Columns(), dict[str, Disks](), list[Track]()
+    places, codes = _Places.of(record, pairs), _codes(report)
     loads = np.bincount(pairs.of, np.linalg.norm(record.forces, axis=1), len(pairs.names))
     for p in largest_first(loads).tolist():
         name = pairs.names[p]
         points[name] = places.spread(p, record.points, np.nan)[every]
         forces[name] = places.spread(p, pairs.signs[:, None] * record.forces, 0.0)[every]
-        own = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
-        disks[name] = Disks(MODE_COLORS, own, places.spread(p, record.normals, 0.0)[every])
-        most = own.max(axis=1)
-        modes[name] = [words[code] for code in most]
-        for i in np.flatnonzero(np.diff(np.minimum(most, 1))).tolist():
-            on = most[i + 1] > 0
-            events.append(Event(float(t[i + 1]), name, "touches" if on else "leaves", int(own[i + int(on)].argmax())))
+        modes = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
+        disks[name] = Disks(MODE_COLORS, modes, places.spread(p, record.normals, 0.0)[every])
         if len(law.frames):
             f = np.where(np.isnan(points[name]), 0.0, law.between(places.spread(p, law.forces, 0.0), 0.0)[every])
-            tracks.append(Track(f"{name}, by the law", points[name], f, LAW_COLOR, aside=True))
-    colors = dict(zip(CAUSES, distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) :], strict=True))
-    rows = []
-    for cause in report.ranked:
-        modes[cause] = np.where(report.of_cause(cause)[every], YES, OPEN).tolist()
-        rows.append(_row(report, cause, colors[cause]))
-        events.append(WorstFrame(rows[-1].t, cause, cause, words=f"{rows[-1].t:.4g} s: {cause}, {rows[-1].size} at most"))
-    lanes = {cause: colors[cause] for cause in report.ranked}
-    if law.reasons:
-        modes[NO_ANSWER] = np.where(law.failed[every], YES, OPEN).tolist()
-        lanes[NO_ANSWER] = NO_ANSWER_COLOR
-        firsts = {why.partition(":")[0]: i for i, why in sorted(law.reasons.items(), reverse=True)}
-        events += [WorstFrame(t[i], NO_ANSWER, NO_ANSWER, words=f"{t[i]:.4g} s: {law.reasons[i]}") for i in firsts.values()]
-    tracks += _others(report, every)
-    head, *lines = str(report).splitlines()
-    explained = report.explanations[0].text if report.explanations else ""
-    good = int((~report.sizes.any(axis=1)).sum())
-    width = 7 * record.robot.model.njoints + 6 * sum(p.shape[1] for p in points.values()) * 2
-    robot = solid_robot(record.robot)
-    shown = ShownMotion(
-        report, robot, t, record.q[every], record.v[every],
-        f"{record.engine or robot.name}: {good} of {record.n} frames without a cause", points, forces, modes, tuple(events),
-        lanes=lanes, pushes=tuple(tracks), name=record.engine,
-        at=t[_thinned(len(t), min(MOST_FRAMES, MOST_NUMBERS // width), worst)], disks=disks,
-        card=Card(explained, tuple(rows), (head, *lines[(1 + len(rows)) * bool(rows) :])), notes=law.notes,
-        defaults={"trace": False, "footprints": False, "start": rows[0].t if rows else float(t[0])},
-    )  # fmt: skip
-    sums = {name: total[every] for name, total in _sums(report, pairs, law).items()}
-    return replace(shown, charts=partial(audit_charts, shown, report, sums, every))
+            by_law.append(Track(f"{name}, by the law", points[name], f, LAW_COLOR, aside=True))
+    return points, forces, disks, by_law
 
 
 def shown_comparison(compared: EnginesCompared) -> ShownMotion:
@@ -272,10 +278,11 @@ def _codes(report: AuditReport) -> Array:
     return np.where(report.laws.free, 0, np.where(report.points["creeps"] > 0.0, 3, np.where(moves, 2, 1)))
 
 
-def _row(report: AuditReport, cause: str, color: str) -> CardRow:
+def _row(report: AuditReport, cause: str) -> CardRow:
+    color = distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) + [*CAUSES].index(cause)]
     i, (unit, meaning) = int(report.worst(cause, 1)[0]), CAUSES[cause]
-    size = float(report.sizes[i, list(CAUSES).index(cause)])
-    told = f"{1e3 * size:.3g} m{unit}" if unit in ("m", "m/s") else f"{size:.3g} {unit}"
+    size = float(report.sizes[i, [*CAUSES].index(cause)])
+    told = f"{1e3 * size:.4g} m{unit}" if unit in ("m", "m/s") else f"{size:.4g} {unit}"
     return CardRow(cause, color, str(int(report.of_cause(cause).sum())), told, float(report.record.t[i]), meaning)
 
 
@@ -305,9 +312,15 @@ def solid_robot(robot: CheckedModel) -> Robot:
     return cast("Robot", robot if hasattr(robot, "visual_model") else SolidRobot(robot))
 
 
-def _thinned(n: int, most: int, kept: Array) -> Array:
-    """Numbers of frames: all of up to `most`, else evenly, with those that are kept among them."""
-    return np.arange(n) if n <= most else np.union1d(np.linspace(0, n - 1, max(most - len(kept), 2)).round().astype(int), kept)
+def _thinned(report: AuditReport, most: int) -> Array:
+    """Numbers of frames: all of up to `most`; else the worst of each cause, half of the others evenly, half where causes are."""
+    n, with_cause = report.record.n, np.flatnonzero(report.sizes.any(axis=1))
+    if n <= most:
+        return np.arange(n)
+    worst = np.unique([i for cause in report.ranked for i in report.worst(cause, WORST)]).astype(int)
+    half = max((most - len(worst)) // 2, 2)
+    picked = with_cause[np.unique(np.linspace(0, len(with_cause) - 1, half).round().astype(int))] if len(with_cause) else worst
+    return np.unique(np.concatenate([worst, picked, np.linspace(0, n - 1, half).round().astype(int)]))
 
 
 def _others(report: AuditReport, every: Array) -> list[Track]:
