@@ -313,7 +313,7 @@ def solid_robot(robot: CheckedModel) -> Robot:
 
 
 def _thinned(report: AuditReport, most: int) -> Array:
-    """Numbers of frames: all of up to `most`; else the worst of each cause, half of the others evenly, half where causes are."""
+    """Numbers of frames: all of up to `most`; else the worst of each cause, and half evenly, half where causes are."""
     n, with_cause = report.record.n, np.flatnonzero(report.sizes.any(axis=1))
     if n <= most:
         return np.arange(n)
