@@ -11,7 +11,6 @@ from typing import TypeAlias, cast
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from rbd.arrays import Array, largest_first, lazy
@@ -313,14 +312,15 @@ def solid_robot(robot: CheckedModel) -> Robot:
 
 
 def _thinned(report: AuditReport, most: int) -> Array:
-    """Numbers of frames: all of up to `most`; else the worst of each cause, and half evenly, half where causes are."""
+    """Numbers of frames: all of up to `most`; else the worst of each cause, some others with causes, the rest evenly."""
     n, with_cause = report.record.n, np.flatnonzero(report.sizes.any(axis=1))
     if n <= most:
         return np.arange(n)
     worst = np.unique([i for cause in report.ranked for i in report.worst(cause, WORST)]).astype(int)
-    half = max((most - len(worst)) // 2, 2)
-    picked = with_cause[np.unique(np.linspace(0, len(with_cause) - 1, half).round().astype(int))] if len(with_cause) else worst
-    return np.unique(np.concatenate([worst, picked, np.linspace(0, n - 1, half).round().astype(int)]))
+    half = min((most - len(worst)) // 2, len(with_cause))
+    picked = with_cause[np.linspace(0, len(with_cause) - 1, half).round().astype(int)]
+    even = np.linspace(0, n - 1, max(most - len(worst) - half, 2)).round().astype(int)
+    return np.unique(np.concatenate([worst, picked, even]))
 
 
 def _others(report: AuditReport, every: Array) -> list[Track]:
@@ -373,16 +373,21 @@ class _Places:
 def _followed(local: Array, frame: Array) -> Array:
     """A number for each point, the same from frame to frame where it stays near, shape (k,)."""
     near = max(SHARE * float(np.ptp(local, axis=0).max()), LEAST)
-    out, places = np.zeros(len(local), int), np.zeros((0, 3))
+    column, places = np.full(len(local), -1), np.zeros((0, 3))
     for own in np.split(np.arange(len(local)), np.flatnonzero(np.diff(frame)) + 1):
         far = np.linalg.norm(local[own, None] - places[None], axis=2)
-        new = np.full((len(own), len(own)), near if len(places) < MOST_PLACES else 1e9)
-        column = linear_sum_assignment(np.hstack([far, new]))[1]
-        fresh = column >= len(places)
-        column[fresh] = len(places) + np.arange(fresh.sum())
-        places = np.vstack([places, np.zeros((fresh.sum(), 3))])
-        places[column], out[own] = local[own], column
-    return out
+        far[far > (near if len(places) < MOST_PLACES else np.inf)] = np.inf
+        for _ in range(min(far.shape)):  # the nearest pair first
+            point, place = np.unravel_index(int(far.argmin()), far.shape)
+            if far[point, place] == np.inf:
+                break
+            column[own[point]] = place
+            far[point], far[:, place] = np.inf, np.inf
+        fresh = own[column[own] < 0]
+        column[fresh] = len(places) + np.arange(len(fresh))
+        places = np.vstack([places, np.zeros((len(fresh), 3))])
+        places[column[own]] = local[own]
+    return column
 
 
 @dataclass(frozen=True, eq=False)
