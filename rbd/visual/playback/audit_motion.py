@@ -189,19 +189,14 @@ def comparison_charts(shown: ShownMotion, compared: EnginesCompared, near: Array
     Raises:
         InputError: an unknown name, or one that there are no numbers for.
     """
-    own: dict[str, Maker] = {
-        name: partial(_apart, name, f"{name}, {unit}", factor * values[near], factor * limit)
-        for name, values, factor, unit, limit in (
-            ("motions apart", compared.distance, 1e3, "mm", compared.limits["distance"]),
-            ("forces apart", compared.force, 1.0, "N", compared.limits["force"]),
-        )
-    }
-    named = {name: partial(_named, shown, name) for name in ("forces", "sliding", "depth", "missing force")}
-    return chosen_charts(shown.robot.name, own | named, choice, (*own, *named))
-
-
-def _named(shown: ShownMotion, name: str) -> CurveChart | None:
-    return next((made for made in shown.charts(True) if made.name == name), None)
+    limits = compared.limits
+    made = [
+        _apart("motions apart", "motions apart, mm", 1e3 * compared.distance[near], 1e3 * limits["distance"]),
+        _apart("forces apart", "forces apart, N", compared.force[near], limits["force"]),
+        *shown.charts(True),
+    ]
+    known = {each.name: each for each in made}
+    return chosen_charts(shown.robot.name, {name: partial(known.get, name) for name in known}, choice, tuple(known))
 
 
 def _apart(name: str, title: str, values: Array, limit: float) -> CurveChart:
