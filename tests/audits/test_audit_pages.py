@@ -184,9 +184,9 @@ def test_two_engines_are_beside_each_other(tmp_path: Path) -> None:
     motion = told(compared.export(tmp_path / "both.html"))
     second = motion["second"]
     assert (motion["name"], second["name"]) == ("1: planted", "2: other, dashed curves")
-    assert motion["title"] == "planted and other part at 0.06 s, step 6 of 12"
+    assert motion["title"] == "planted and other part at 0.06 s"
     assert compared.parting is not None
-    assert motion["card"]["words"] == f"{compared.parting.text}."
+    assert motion["card"]["words"] == compared.parting.text
     lanes = {lane["name"]: [s[:2] for s in lane["stretches"]] for lane in motion["lanes"]}
     assert lanes == {"motions apart": [[0.09, 0.11]], "forces apart": [[0.06, 0.07]]}
     rows = unpacked(second["rows"]).reshape(N, -1)[:, 7 * second["bodies"] + 3 :][:, :24].reshape(N, 4, 6)

@@ -160,7 +160,7 @@ def shown_motion(motion: Any) -> ShownMotion:
 
 
 def export_motion(
-    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | AuditReport | EnginesCompared | Plan | PlanarMotion,
     path: str | PathLike[str],
     *,
     fps: float | None = None,
@@ -195,13 +195,18 @@ def export_motion(
 
     Of a report the wrench that is missing is drawn too, as a force at the centre of mass and as a moment over 0.3 m, and there
     is a lane for each cause, with a mark at its worst frame. Where it has a report `before`, of the same frames, as that of a
-    repaired motion, this one's motion is the ghost, on the same floor and at the same pace, with lanes of its contacts. A
-    planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
+    repaired motion, this one's motion is the ghost, on the same floor and at the same pace, with lanes of its contacts.
+
+    Of an audit the engine's forces stand beside those of the law, by `rbd.solve` in up to 300 frames; a disk at each point has
+    the colour of its mode; each cause has a lane, and a row in the legend that goes to its worst frame. Of a long record the
+    page has up to 1000 frames, those that are worst among them. Two engines compared are beside each other.
+
+    A planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
 
     Args:
-        motion: What `rbd.simulate`, `rbd.check_motion` or `rbd.plan` returned, or `error.plan` of a `CannotPlan`, whose missing
-            wrench is drawn where nothing is proved; an `rbd.Motion`, which has no forces; or a motion of a planar chain; two
-            samples at least.
+        motion: What `rbd.simulate`, `rbd.check_motion`, `rbd.audit`, `rbd.audits.compare` or `rbd.plan` returned, or `error.plan`
+            of a `CannotPlan`, whose missing wrench is drawn where nothing is proved; an `rbd.Motion`, which has no forces; or a
+            motion of a planar chain; two samples at least, of an audit one.
         path: Of the page, ends in .html.
         fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast; of a report its own.
         speed: Seconds of motion a second at first; the page can change it. By default 1, of a planar chain 0.5.
@@ -319,7 +324,7 @@ def _page(shown: ShownMotion, parts: Sequence[RobotPart], sizes: Sizes, ground: 
 
 
 def motion_sheet(
-    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | AuditReport | EnginesCompared | Plan | PlanarMotion,
     times: Sequence[float] | Array | int,
     png_path: str | PathLike[str],
     *,
@@ -367,7 +372,7 @@ def motion_sheet(
 
 
 def replay(
-    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | AuditReport | EnginesCompared | Plan | PlanarMotion,
     *,
     speed: float | None = None,
     scene: Scene | None = None,

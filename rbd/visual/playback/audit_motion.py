@@ -80,10 +80,8 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
         events += [WorstFrame(t[i], NO_ANSWER, NO_ANSWER, words=f"{t[i]:.4g} s: {law.reasons[i]}") for i in firsts.values()]
     robot, (head, *lines) = solid_robot(record.robot), str(report).splitlines()
     lines = lines[(1 + len(rows)) * bool(rows) :]  # without the table
-    good, width = (
-        int((~report.sizes.any(axis=1)).sum()),
-        7 * robot.model.njoints + 12 * sum(p.shape[1] for p in points.values()),
-    )
+    good = int((~report.sizes.any(axis=1)).sum())
+    width = 7 * robot.model.njoints + 12 * sum(p.shape[1] for p in points.values())
     shown = ShownMotion(
         report, robot, t, record.q[every], record.v[every],
         f"{record.engine or robot.name}: {good} of {record.n} frames without a cause", points, forces, modes, tuple(events),
@@ -135,13 +133,15 @@ def shown_comparison(compared: EnginesCompared) -> ShownMotion:
         if apart.any():
             rows.append(CardRow(name, color, str(int(apart.sum())), size, t, f"by more than {factor * limit:.3g} {unit}"))
             events.append(WorstFrame(t, name, name, words=f"{t:.4g} s: {name} by more than {factor * limit:.3g} {unit}"))
-    start = one.t[0] if compared.parting is None else max(compared.parting.t, one.t[0])
-    own = {"start": float(start), "seen_from": SEEN_FROM, "beside": replace(other, name=compared.names[1])}
-    told, *lines = str(compared).splitlines()
+    own = {"start": one.t[0], "seen_from": SEEN_FROM, "beside": replace(other, name=compared.names[1])}
+    title, text = f"{' and '.join(compared.names)} agree", ""
+    if compared.parting is not None:
+        own["start"], text = compared.parting.t, compared.parting.text
+        title = f"{' and '.join(compared.names)} part at {compared.parting.t:g} s"
     return replace(
-        one, title=told.split(": ")[0].removesuffix("."), modes=modes, events=tuple(events), name=compared.names[0],
+        one, title=title, modes=modes, events=tuple(events), name=compared.names[0],
         lanes={name: part[0] for name, part in parts.items() if name in [row.name for row in rows]},
-        card=Card(told.partition(": ")[2], tuple(rows), tuple(lines)), charts=partial(comparison_charts, one, compared, near),
+        card=Card(text, tuple(rows), tuple(str(compared).splitlines())), charts=partial(comparison_charts, one, compared, near),
         defaults={**one.defaults, **own},
     )  # fmt: skip
 
