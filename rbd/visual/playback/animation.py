@@ -204,9 +204,9 @@ def export_motion(
     A planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
 
     Args:
-        motion: What `rbd.simulate`, `rbd.check_motion`, `rbd.audit`, `rbd.audits.compare` or `rbd.plan` returned, or `error.plan`
-            of a `CannotPlan`, whose missing wrench is drawn where nothing is proved; an `rbd.Motion`, which has no forces; or a
-            motion of a planar chain; two samples at least, of an audit one.
+        motion: What `rbd.simulate`, `rbd.check_motion`, `rbd.audit`, `rbd.audits.compare` or `rbd.plan` returned, or
+            `error.plan` of a `CannotPlan`, whose missing wrench is drawn where nothing is proved; an `rbd.Motion`, which has no
+            forces; or a motion of a planar chain; two samples at least, of an audit one.
         path: Of the page, ends in .html.
         fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast; of a report its own.
         speed: Seconds of motion a second at first; the page can change it. By default 1, of a planar chain 0.5.
