@@ -5,6 +5,7 @@ from functools import partial as _partial
 from rbd.audits.auditing import audit
 from rbd.audits.causes import CAUSES, Thresholds
 from rbd.audits.drake_records import from_drake
+from rbd.audits.engines_compared import EnginesCompared, Parting, compare
 from rbd.audits.explanations import Explanation
 from rbd.audits.mujoco_records import from_mujoco
 from rbd.audits.own_records import from_solutions, from_trajectory
@@ -15,10 +16,13 @@ from rbd.modules import submodule as _submodule
 __all__ = [
     "CAUSES",
     "AuditReport",
+    "EnginesCompared",
     "Explanation",
+    "Parting",
     "Record",
     "Thresholds",
     "audit",
+    "compare",
     "from_drake",
     "from_mujoco",
     "from_solutions",

@@ -13,7 +13,6 @@ from rbd.audits.kinematics import balance_of
 from rbd.audits.point_laws import PointLaws
 from rbd.audits.record import Record
 from rbd.audits.report import AuditReport
-from rbd.errors import InputError
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.motion.frame_terms import LENGTH
 from rbd.workers import one_blas_thread
@@ -140,16 +139,3 @@ def _explained(record: Record, missing: Array, sizes: Array, scale: Array, limit
         if first is not one:
             found[key] = Explanation(first.text, (*first.frames, frame), first.point, first.force)
     return tuple(sorted(found.values(), key=lambda each: -len(each.frames)))
-
-
-def check_pair(one: object, other: object) -> None:
-    """Refuse what are no two records of one robot.
-
-    Raises:
-        InputError: no records, or other joints.
-    """
-    for what, record in (("first", one), ("second", other)):
-        check_kind(what, record, Record, "an rbd.audits.Record")
-    assert isinstance(one, Record) and isinstance(other, Record)
-    if list(one.robot.joints) != list(other.robot.joints) or one.robot.nq != other.robot.nq:
-        raise InputError(f"the records are of {one.robot.name} and {other.robot.name}, with other joints; expected one robot.")

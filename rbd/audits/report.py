@@ -294,8 +294,8 @@ class AuditReport(Displayed):
         return out
 
     def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
-        """Write a page: the motion with both sets of forces, and a lane for each cause; see `rbd.visual.export_audit`."""
-        return drawing("export_audit")(self, path, **options)
+        """Write a page: the motion with both sets of forces, and a lane for each cause; see `rbd.visual.export_motion`."""
+        return drawing("export_motion")(self, path, **options)
 
     def __str__(self) -> str:
         record, n, limits = self.record, self.record.n, self.thresholds

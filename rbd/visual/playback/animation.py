@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_positive, check_whole
+from rbd.audits import AuditReport, EnginesCompared
 from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError, PictureError
 from rbd.errors.inputs import check_kind, check_known, listed_items
@@ -25,6 +26,7 @@ from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import Drawn, footprints_of, legend_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import photograph, write_page
+from rbd.visual.playback.audit_motion import shown_audit, shown_comparison
 from rbd.visual.playback.curves import Choice, described, together
 from rbd.visual.playback.followed_plans import drawn_plans
 from rbd.visual.playback.motion_frames import PushesAt, frames_of
@@ -52,7 +54,7 @@ VIEWER_SECONDS = 20.0
 FAR = 5.0
 """By default the camera follows a robot that travels more than this many times its size."""
 MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
-USUAL: Mapping[str, Any] = {"speed": 1.0, "trace": True, "ground": True}
+USUAL: Mapping[str, Any] = {"speed": 1.0, "trace": True, "ground": True, "footprints": True}
 """{setting: its value where neither the user nor the kind of motion says so}."""
 
 
@@ -97,7 +99,7 @@ class Playback:
     charts: Choice = True
     follow: bool | None = None
     trace: bool | None = None
-    footprints: bool = True
+    footprints: bool | None = None
     plan: WalkPlan | Sequence[tuple[float, WalkPlan]] | None = None
     regions: Sequence[Drawn] = ()
     ground: bool | None = None
@@ -144,15 +146,21 @@ def shown_motion(motion: Any) -> ShownMotion:
     Raises:
         InputError: what is none, fewer than two samples, times that do not increase.
     """
+    if isinstance(motion, ShownMotion):
+        return motion
     if isinstance(motion, MotionReport):
         return shown_report(motion)
+    if isinstance(motion, AuditReport):
+        return shown_audit(motion)
+    if isinstance(motion, EnginesCompared):
+        return shown_comparison(motion)
     if isinstance(motion, Plan):
         return shown_plan(motion)
     return shown_planar(motion) if is_planar(motion) else ShownMotion.of_trajectory(motion)
 
 
 def export_motion(
-    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | AuditReport | EnginesCompared | Plan | PlanarMotion,
     path: str | PathLike[str],
     *,
     fps: float | None = None,
@@ -166,7 +174,7 @@ def export_motion(
     charts: Choice = True,
     follow: bool | None = None,
     trace: bool | None = None,
-    footprints: bool = True,
+    footprints: bool | None = None,
     plan: WalkPlan | Sequence[tuple[float, WalkPlan]] | None = None,
     regions: Sequence[Drawn] = (),
     ground: bool | None = None,
@@ -187,13 +195,18 @@ def export_motion(
 
     Of a report the wrench that is missing is drawn too, as a force at the centre of mass and as a moment over 0.3 m, and there
     is a lane for each cause, with a mark at its worst frame. Where it has a report `before`, of the same frames, as that of a
-    repaired motion, this one's motion is the ghost, on the same floor and at the same pace, with lanes of its contacts. A
-    planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
+    repaired motion, this one's motion is the ghost, on the same floor and at the same pace, with lanes of its contacts.
+
+    Of an audit the engine's forces stand beside those of the law, by `rbd.solve` in up to 300 frames; a disk at each point has
+    the colour of its mode; each cause has a lane, and a row in the legend that goes to its worst frame. Of a long record the
+    page has up to 1000 frames, those that are worst among them. Two engines compared are beside each other.
+
+    A planar chain is upright in W, its x to the right and its y up, with the path of the end point behind it.
 
     Args:
-        motion: What `rbd.simulate`, `rbd.check_motion` or `rbd.plan` returned, or `error.plan` of a `CannotPlan`, whose missing
-            wrench is drawn where nothing is proved; an `rbd.Motion`, which has no forces; or a motion of a planar chain; two
-            samples at least.
+        motion: What `rbd.simulate`, `rbd.check_motion`, `rbd.audit`, `rbd.audits.compare` or `rbd.plan` returned, or
+            `error.plan` of a `CannotPlan`, whose missing wrench is drawn where nothing is proved; an `rbd.Motion`, which has no
+            forces; or a motion of a planar chain; two samples at least, of an audit one.
         path: Of the page, ends in .html.
         fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast; of a report its own.
         speed: Seconds of motion a second at first; the page can change it. By default 1, of a planar chain 0.5.
@@ -210,7 +223,8 @@ def export_motion(
             report "missing wrench", "deviation" (from the motion before) and "friction".
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass; by default of all but reports.
-        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
+        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more; by
+            default of all but audits.
         plan: A plan of a walk, as `walk.plan`: its footprints and ways of feet are drawn as lines, and the capture point, which
             moves. Of several with their times, as `balance.plans`, each is drawn until the next: so one sees footholds change.
         regions: What `Scene.draw` takes, drawn throughout: `rbd.control.capture_region(...)`, for example.
@@ -283,6 +297,7 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         "playing": bool(given.playing),
         "charts": described(times, charts) if charts else None,
         "named": legend_of([*given_regions, *planned[-1:]]),
+        "card": None if shown.card is None else asdict(shown.card),
         "spans": [{"path": path, "from": a, "to": b} for path, (a, b) in zip(paths, spans, strict=True)],
     }
     if sheet is not None:
@@ -309,7 +324,7 @@ def _page(shown: ShownMotion, parts: Sequence[RobotPart], sizes: Sizes, ground: 
 
 
 def motion_sheet(
-    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | AuditReport | EnginesCompared | Plan | PlanarMotion,
     times: Sequence[float] | Array | int,
     png_path: str | PathLike[str],
     *,
@@ -357,7 +372,7 @@ def motion_sheet(
 
 
 def replay(
-    motion: Trajectory | Motion | MotionReport | Plan | PlanarMotion,
+    motion: Trajectory | Motion | MotionReport | AuditReport | EnginesCompared | Plan | PlanarMotion,
     *,
     speed: float | None = None,
     scene: Scene | None = None,

@@ -28,7 +28,7 @@ from rbd.visual.marks.applied_forces import (
     shown_elements,
 )
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.playback.shown_motion import ShownMotion, Track
+from rbd.visual.playback.shown_motion import Disks, ShownMotion, Track
 
 PushesAt: TypeAlias = Callable[[State, float], External]
 
@@ -64,6 +64,7 @@ class PageFrames:
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
         left_out: What of the forces has no picture, in words.
         lifts: Pose of each piece of terrain that has a motion, and of other marks that move, shape (n, pieces, 7).
+        disks: {contact: disks at its points}.
         ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
     """
 
@@ -78,6 +79,7 @@ class PageFrames:
     stretches: Mapping[str, Sequence[tuple[float, float, str]]]
     left_out: tuple[str, ...] = ()
     lifts: Array = field(default_factory=lambda: np.zeros((0, 0, 7)))
+    disks: Mapping[str, Disks] = field(default_factory=dict)
     ghost: str = ""
 
     @lazy
@@ -119,12 +121,12 @@ def frames_of(
     Raises:
         InputError: if `external` is not what `rbd.simulate` takes.
     """
-    times, robot = shown.t, shown.robot
+    times, robot, chosen = shown.t, shown.robot, fps is None and len(shown.at) > 0
     if fps is None:
         fps = min(MOST_FPS, max(FPS, _fastest_turn(shown, joints) * speed / LARGEST_TURN))
         width = 7 * len(joints) + 3 + sum(6 * np.shape(p)[1] for p in shown.points.values())
         fps = min(fps, max(1.0, MOST_NUMBERS / width * speed / (times[-1] - times[0])))
-    at = frame_times(times, speed / fps)
+    at = shown.at if chosen else frame_times(times, speed / fps)
     low, share = _between(times, at)
     q = configurations(shown, low, share)
     poses, com = body_poses(robot, q, joints)
@@ -146,13 +148,15 @@ def frames_of(
     pushes, elements, left_out = _applied(robot, q, v, at, acting)
     pushes += [replace(t, points=_blend(t.points, low, share), forces=_blend(t.forces, low, share)) for t in shown.pushes]
     left_out += _unknown_elements(shown.source) if external is None else []
-    words = (*left_out, *_without_points(shown), *_without_surfaces(shown))
+    disks = {name: replace(d, codes=d.codes[nearest], normals=d.normals[nearest]) for name, d in shown.disks.items()}
+    words = (*shown.notes, *left_out, *_without_points(shown), *_without_surfaces(shown))
     moved = [solid for terrain in shown.terrains for solid in terrain.pieces if solid.moved is not None]
     lifts = np.zeros((len(at), len(moved), 7))
     lifts[:, :, 6] = 1.0
     for i, piece in enumerate(moved):
         lifts[:, i, :3] = [piece.shift(t) for t in at.tolist()]
-    return PageFrames(at, tuple(joints), poses, com, contacts, tuple(pushes), tuple(elements), modes, stretches, words, lifts)
+    forces = contacts, tuple(pushes), tuple(elements)
+    return PageFrames(at, tuple(joints), poses, com, *forces, modes, stretches, words, lifts, disks)
 
 
 def _unknown_elements(trajectory: Any) -> list[str]:

@@ -29,7 +29,7 @@ from rbd.visual.playback.motion_frames import (
     ghost_poses,
     pieces_of,
 )
-from rbd.visual.playback.shown_motion import ShownMotion, Track
+from rbd.visual.playback.shown_motion import Disks, ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
 from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import RobotPart, hull_of
@@ -143,7 +143,8 @@ class MotionPage:
         side = float(np.sign(right[axis]))
         mine, its = (side * page.around(False)[:, axis] for page in (self, second))
         apart = side * (mine.max() - its.min() + APART * self.sizes.body)
-        names = f"1: {self.shown.robot.name}", f"2: {second.shown.robot.name}, dashed curves"
+        one, other = (page.shown.name or page.shown.robot.name for page in (self, second))
+        names = f"1: {one}", f"2: {other}, dashed curves"
         shift = tuple(round(apart, 3) if i == axis else 0.0 for i in range(3))
         return replace(self, second=replace(second, shift=shift, name=names[1]), name=names[0])
 
@@ -305,6 +306,7 @@ class MotionPage:
                 "supports": carries_weight(t.points, t.forces),
                 "normals": _normals(t),
                 "stretches": self._stretches(t.name),
+                "disks": _disks(frames.disks.get(t.name)),
             }
             for t in frames.contacts
         ]
@@ -319,7 +321,9 @@ class MotionPage:
             "codes": packed(self.codes, "u1"),
             "events": self.marks(),
             "contacts": contacts,
-            "pushes": [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes],
+            "pushes": [
+                {"name": t.name, "color": t.color, "points": t.points.shape[1], "aside": t.aside} for t in frames.pushes
+            ],
             "elements": [element_look(e, self._element(i), sizes) for i, e in enumerate(frames.elements)],
             "others": list(frames.modes)[len(contacts) :],
             "driven": {name: {"joint": joint, "color": DRIVE_COLOR} for name, joint in self.shown.driven.items()},
@@ -345,6 +349,13 @@ def _heights(terrain: Terrain, com: Array, times: Array) -> Array:
     if terrain.jump is None:
         return terrain.heights_of(com)
     return np.array([terrain.at(t).heights_of(point) for t, point in zip(times.tolist(), com, strict=True)])
+
+
+def _disks(disks: Disks | None) -> dict[str, object] | None:
+    if disks is None:
+        return None
+    codes, normals = packed(disks.codes, "u1"), packed(np.nan_to_num(disks.normals))
+    return {"colors": list(disks.colors.values()), "modes": list(disks.colors), "codes": codes, "normals": normals}
 
 
 def _pose(X: pin.SE3) -> list[float]:

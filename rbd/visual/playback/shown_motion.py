@@ -33,15 +33,68 @@ class Track:
         points: In W, shape (n, k, 3) [m]; NaN where there is no such point at that time.
         forces: On the robot, in W, shape (n, k, 3) [N]; zero without contact.
         color: Of what is no contact, as '#rrggbb'.
+        aside: Whether it is drawn a little aside of where it acts, beside another force there.
     """
 
     name: str
     points: Array
     forces: Array
     color: str = PUSH_COLOR
+    aside: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "forces", np.nan_to_num(self.forces, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Disks:
+    """Disks at the points of a contact, in the colours of their modes.
+
+    Attributes:
+        colors: {mode: its colour}.
+        codes: Mode of each point, as its place in `colors`, shape (n, k).
+        normals: In W, shape (n, k, 3).
+    """
+
+    colors: Mapping[str, str]
+    codes: Array
+    normals: Array
+
+
+@dataclass(frozen=True)
+class CardRow:
+    """A row of a card.
+
+    Attributes:
+        name: What it is of.
+        color: As '#rrggbb'.
+        count: Its number of frames, in words.
+        size: Its largest size, in words.
+        t: The time that a click on it goes to [s].
+        words: What it means.
+    """
+
+    name: str
+    color: str
+    count: str
+    size: str
+    t: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Card:
+    """What was found, as a table with lines below it.
+
+    Attributes:
+        words: What is said above it; empty: nothing.
+        rows: Of the table.
+        lines: Folded at first.
+    """
+
+    words: str
+    rows: tuple[CardRow, ...]
+    lines: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +119,11 @@ class ShownMotion:
         down: By how much the motion was lowered [m]: so is a second one.
         charts: The charts that are chosen.
         defaults: {setting of `Playback`: its value for this kind of motion where none is given}.
+        name: What it is called beside another motion; empty: as its robot.
+        at: Times of the pictures where no rate is asked for [s]; none: evenly.
+        disks: {contact: the disks at its points}.
+        card: What was found.
+        notes: What the legend says of the picture.
 
     Raises:
         InputError: fewer than two samples, times that do not increase, numbers that are not finite.
@@ -88,6 +146,11 @@ class ShownMotion:
     down: float = 0.0
     charts: Callable[[Choice], list[CurveChart]] = lambda _: []  # noqa: E731
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+    at: Array = field(default_factory=lambda: np.zeros(0))
+    disks: Mapping[str, Disks] = field(default_factory=dict)
+    card: Card | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check."""

@@ -69,6 +69,9 @@ class Cast {
     this.start = null;
     this.floors = motion.floors ? floats(motion.floors) : [];
     if (motion.com) this.makeCom(sizes);
+    // By how much what acts beside another force is drawn aside: to the right, as the page is opened.
+    const [x, y] = stage.view ? stage.views.direction("start") : [1, 0], across = Math.hypot(x, y) || 1;
+    this.aside = [-y / across, x / across, 0].map((each) => 5 * sizes.shaft * each);
     this.halo = twice(new T.SphereGeometry(1, 24, 16), "#000000", 0.5, 0);
     this.halo.visible = false;
     this.layer("forces").add(this.halo);
@@ -158,25 +161,38 @@ class Cast {
     group.add(this.drop, this.foot);
   }
 
-  makeTrack({ name, color, points, layer, supports, normals }, { shaft }) {
+  makeTrack({ name, color, points, layer, supports, normals, disks, aside }, { shaft }) {
     const T = MeshCat.THREE;
     const many = points > 1, isPush = layer === "pushes";
-    const corners = this.layer(many ? "corner forces" : layer);
+    const home = (of) => {
+      if (!aside) return this.layer(of);
+      const group = new T.Group();
+      group.position.set(...this.aside);
+      this.layer(of).add(group);
+      return group;
+    };
+    const corners = home(many ? "corner forces" : layer);
     const ball = new T.SphereGeometry((many ? 1.4 : 2) * shaft, 20, 14);
     const dots = [], thin = [];
     for (let i = 0; i < points; i++) {
       if (many) thin.push(new Arrow(corners, color, 0.45 * shaft));
       if (isPush) continue;
+      if (disks) {
+        dots.push({ disk: twice(cylinder(4.2 * shaft, 0.8 * shaft, 28), color, 1, 0.45) });
+        corners.add(dots[i].disk);
+        continue;
+      }
       const dot = { closed: twice(ball, color), open: twice(ball, color, 0.3, 0) };
       corners.add(dot.closed, dot.open);
       dots.push(dot);
     }
-    const big = new Arrow(this.layer(layer), color, shaft);
+    const big = new Arrow(home(layer), color, shaft);
     // `force` [N] acts at `centre` [m], both in W; NaN where there is none.
     const track = { name, color, layer, supports, points, dots, thin, big, force: [0, 0, 0], centre: [NaN, NaN, NaN] };
     // Unit vectors from the surroundings to the robot, one for each frame, or one for all.
     track.normals = normals ? floats(normals) : new Float32Array(0);
     track.normal = null;
+    if (disks) track.disks = { colors: disks.colors, modes: disks.modes, codes: bytes(disks.codes), normals: floats(disks.normals) };
     track.corners = [];
     big.node.userData.label = () => trackLabel(track, this.shift);
     thin.forEach((arrow, i) => { arrow.node.userData.label = () => cornerLabel(track, i, this.shift); });
@@ -241,7 +257,8 @@ class Cast {
         const there = Number.isFinite(p[0]);
         track.corners[i] = [p, f];
         const closed = there && size * sizes.metresPerNewton > 1e-5 * sizes.body;
-        if (track.dots[i]) this.showDot(track.dots[i], p, there, closed);
+        if (track.disks) this.showDisk(track, i, frame, p, there);
+        else if (track.dots[i]) this.showDot(track.dots[i], p, there, closed);
         if (track.thin[i]) track.thin[i].set(p, f.map((x) => x * sizes.metresPerNewton), sizes.longest);
         if (!there) continue;
         if (closed && track.supports) loaded.push([...p]);
@@ -260,8 +277,8 @@ class Cast {
       k += 10;
     }
     if (this.support) this.support.set(loaded);
+    if (this.ball) this.start = this.start || com;  // the view was measured for where the robot starts
     if (this.follow && this.ball) {
-      this.start = this.start || com;  // the view was measured for where the robot starts
       this.stage.carry([com[0] - this.start[0], com[1] - this.start[1], 0]);
     }
     this.stage.viewer.set_dirty();
@@ -292,6 +309,21 @@ class Cast {
     for (const ball of [dot.closed, dot.open]) ball.position.set(p[0], p[1], p[2]);
     dot.closed.visible = there && closed;
     dot.open.visible = there && !closed;
+  }
+
+  // A disk on the surface, in the colour of the point's mode in the frame.
+  showDisk({ dots, disks, points }, i, frame, p, there) {
+    const T = MeshCat.THREE;
+    const { disk } = dots[i], k = frame * points + i;
+    disk.visible = there;
+    if (!there) return;
+    const n = new T.Vector3(...disks.normals.subarray(3 * k, 3 * k + 3));
+    disk.position.set(p[0], p[1], p[2]);
+    if (n.lengthSq() > 0.5) disk.quaternion.setFromUnitVectors(new T.Vector3(0, 0, 1), n.normalize());
+    for (const { material } of disk.children) {
+      material.color.set(disks.colors[disks.codes[k]]);
+      material.emissive.set(disks.colors[disks.codes[k]]).multiplyScalar(0.3);
+    }
   }
 
   // Follow from where the robot is now, so that the picture does not jump.
@@ -337,8 +369,19 @@ class Cues {
       const vector = more.insertCell();
       vector.colSpan = normals ? 4 : 3;
       vector.className = "detail";
-      return { ...made, vector };
+      return { ...made, vector, more, aside: c.aside };
     });
+    const disks = motion.contacts.find((c) => c.disks);
+    if (disks) {
+      const line = table.insertRow(), cell = line.insertCell();
+      cell.colSpan = normals ? 5 : 4;
+      cell.className = "disks";
+      cell.append("points: ");
+      disks.disks.modes.forEach((mode, i) => {
+        make("i", "", cell).style.background = disks.disks.colors[i];
+        cell.append(`${mode} `);
+      });
+    }
     if (motion.com) row("centre of mass", motion.com);
     for (const name of motion.terrains || []) row(name, motion.terrainColor);
     for (const [name, color] of motion.named || []) row(name, color);
@@ -372,6 +415,7 @@ class Cues {
       cell.value.textContent = newtons(size);
       cell.vector.textContent = `(${tracks[n + i].force.map((x) => (Math.abs(x) < 5e-4 ? 0 : Number(x.toPrecision(3)))).join(", ")}) N`;
       cell.line.className = size ? "" : "idle";
+      if (cell.aside) cell.line.hidden = cell.more.hidden = !size;
     });
   }
 }

@@ -27,6 +27,24 @@ function columnNames(table, names, skip) {
   for (const name of names) row.insertCell().append(name);
 }
 
+// What was found, below the title: a row goes to the time of its largest size; lines are folded at first.
+function writeCard(legend, { words, rows, lines }, go) {
+  const card = make("div", "card");
+  if (words) make("p", "", card, words);
+  const table = make("table", "", card);
+  for (const { name, color, count, size, t, words } of rows) {
+    const line = table.insertRow();
+    make("i", "", line.insertCell()).style.background = color;
+    const button = Object.assign(make("button", "", line.insertCell(), name), { type: "button", title: `${words}; largest at ${t.toPrecision(4)} s` });
+    button.onclick = () => { go(t); button.blur(); };
+    for (const text of [count, size]) make("span", "", Object.assign(line.insertCell(), { className: "value" }), text);
+  }
+  const details = make("details", "", card);
+  make("summary", "", details, "report");
+  for (const text of lines) make("p", "", details, text);
+  legend.querySelector("h1").after(card);
+}
+
 function writeLegend(stage, { title, entries, notes }) {
   const { legend } = stage;
   heading(legend, title);

@@ -28,6 +28,7 @@ class Player {
     const names = this.reels.map((each) => each.motion.name);
     const charts = motion.sheet ? null : motion.charts;
     this.curves = charts ? new Curves(charts, [this.first, this.last], names, (t) => this.go(t), arrange) : null;
+    if (motion.card) writeCard(stage.legend, motion.card, (t) => this.go(t));
     this.seek(this.asked() ?? motion.start);
     if (motion.playing) this.play(true);
     this.ending = new AbortController();
@@ -60,6 +61,8 @@ class Player {
   room() {
     const bar = this.footer.offsetHeight;
     const { beside, below } = this.curves ? this.curves.place(bar) : { beside: 0, below: 0 };
+    const { style } = this.cast.stage.legend;
+    style.maxHeight = style.maxHeight || `calc(100vh - ${Math.max(160, bar + 76)}px)`;
     return { beside, foot: (bar ? bar + 12 : 0) + below };
   }
 
