@@ -21,7 +21,7 @@ from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
-from rbd.control.walking.gaits import Gait, gait_of, roles_of
+from rbd.control.walking.gaits import Gait, gait_of, heading_of, roles_of
 from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet
 from rbd.control.walking.plan import Planner, WalkPlan
 from rbd.control.whole_body import WholeBodyController
@@ -84,11 +84,12 @@ class Walk(Displayed):
         robot: The robot, with two or four feet.
         steps: How many times a foot (of four: a group of the gait) is lifted; or `Footstep` records in any order.
         velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait.
+            Forwards is along x of the base, or where toes clearly point backwards (iCub's), along -x.
         terrain: What it walks on: a plane, a height [m], or `rbd.Terrain`; a sole is put down where it rests wholly, at most
             20 cm before or behind, and feet clear what lies between.
         gait: "walk" of two feet; "crawl", "trot", "pace", "bound" of four; or a `Gait`. None: the first of these.
         friction: Coulomb's coefficient of the contacts; the plan uses 80 % of it.
-        state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture.
+        state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture, facing along x.
         model: The model with which it computes, of the same joints; None: the robot itself.
         adapts: Whether it plans again on the way; not in gaits with flight, whose tilt a new plan does not know.
 
@@ -150,14 +151,14 @@ class Walk(Displayed):
         centres = np.array([X.translation for X in poses.values()])
         self._base = robot.model.names[robot.bases[0]]
         R = self.state.frame(self._base).X_WF.rotation
-        yaw = math.atan2(R[1, 0], R[0, 0])
+        yaw = heading_of(self.state, self.contacts)
         h = float(self.state.com[2] - centres[:, 2].mean())
         if not h > 0.0:
             raise InputError(f"the centre of mass of {robot.name} is {h:.3g} m above its feet; expected it over them.")
         check_legs(self.state, self.contacts, h)
         unit = math.sqrt(h / float(np.linalg.norm(robot.gravity)))
         self.gait = gait_of(gait, len(feet))
-        roles, floor = roles_of(self.state, self.contacts, centres), Floor(on, feet, RISE * h)
+        roles, floor = roles_of(robot, self.contacts, centres, yaw), Floor(on, feet, RISE * h)
         poses |= {name: floor.pose(name, X.translation, yaw) for name, X in poses.items() if len(feet[name].corners) == 1}
         self._planner = Planner(
             robot, floor, poses, carrying(self.state, self.contacts, h), self.state.com, yaw, h, unit, friction,
@@ -399,12 +400,22 @@ def places_of(feet: Sequence[Contact], poses: Mapping[str, pin.SE3]) -> dict[Any
 
 
 def standing_on(robot: Robot, on: Ground | Terrain) -> State:
-    """The standing posture on a plane or terrain, in place, its centre of mass as high over the feet as on level ground.
+    """The standing posture on a plane or terrain, its centre of mass as high over the feet as on level ground.
+
+    In place, but turned where it does not face along x.
 
     Raises:
         CannotReach: the ground is too uneven there.
     """
     feet, state = robot.feet(friction=None), robot.standing()
+    yaw = heading_of(state, feet)
+    if abs(yaw) > FLAT:
+        middle = np.mean([X.translation for X in contacts_at(state, feet).values()], axis=0)
+        turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -yaw), np.zeros(3))
+        turn.translation = middle - turn.rotation @ middle
+        q = state.q.copy()
+        q[:7] = pin.SE3ToXYZQUAT(turn * pin.XYZQUATToSE3(q[:7]))
+        state = State(robot, q)
     floor, poses = Floor(on, {foot.name: foot for foot in feet}, math.inf), contacts_at(state, feet)
     yaws = {name: math.atan2(X.rotation[1, 0], X.rotation[0, 0]) for name, X in poses.items()}
     wanted = {name: floor.pose(name, X.translation, yaws[name]) for name, X in poses.items()}
