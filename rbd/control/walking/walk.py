@@ -20,10 +20,12 @@ from rbd.control.motion_limits import Limits
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
+from rbd.control.walking.arms import ArmsGiven, HeldArms, arms_of, given_arms
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
-from rbd.control.walking.gaits import Gait, gait_of, heading_of, roles_of
+from rbd.control.walking.gaits import TWO, Gait, gait_of, heading_of, roles_of
 from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet
 from rbd.control.walking.plan import Planner, WalkPlan
+from rbd.control.walking.swings import smooth
 from rbd.control.whole_body import WholeBodyController
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, NoSolution
@@ -75,7 +77,8 @@ class Walk(Displayed):
     from where a foot pushes by exp(t / sqrt(h / g)), so over a shorter step it may begin farther off, with room for errors.
     So pushes are taken up by steps.
 
-    Arms follow their posture: Talos' shoulders turn by 2 degrees, and its momentum about the vertical reaches 1.3 N m s.
+    Arms swing against the legs, a hand by 0.4 of how far the foot of the other side is before its own, held aside by as little
+    as keeps them 2 cm from legs and trunk in poses of the plan.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
     the controller keeps as well as it can (`log`).
@@ -92,6 +95,9 @@ class Walk(Displayed):
         state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture, facing along x.
         model: The model with which it computes, of the same joints; None: the robot itself.
         adapts: Whether it plans again on the way; not in gaits with flight, whose tilt a new plan does not know.
+        arms: Whether arms swing, where there is one on each side; False: they follow the posture of the start. Or
+            {joint: angle} [rad], also of head and trunk: held at these from the first step on; or a function of time that
+            gives them.
 
     Attributes:
         robot: The robot.
@@ -133,6 +139,7 @@ class Walk(Displayed):
         state: State | None = None,
         model: Robot | None = None,
         adapts: bool = True,
+        arms: ArmsGiven = True,
     ) -> None:
         check_kind("the robot of Walk", robot, Robot, "a robot: rbd.load_robot(name)")
         check_model("Walk", model)
@@ -174,8 +181,10 @@ class Walk(Displayed):
             planned = self._given(steps)
         self._first = self._planner.over(planned)
         self._check_roll()
-        self._check_reach()
+        poses_of_plan = self._check_reach()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
+        self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
+        self._arms = self._arms_of(arms, poses_of_plan)
         self._again, self._lift = -math.inf, np.zeros(3)
         self._seen: tuple[float, float, float] | None = None
         self._control = WholeBodyController(
@@ -236,7 +245,7 @@ class Walk(Displayed):
             ComTask(self._com, cost=com / size**2, gain=60.0 / size),
             MomentumTask(self._momentum, angular_cost=3.0 / size**4, gain=5.0 / math.sqrt(size)),
             FrameTask(self._base, partial(self._turned, R), orientation_cost=firm, gain=80.0 / size),
-            PostureTask(self.state.q, cost=posture, gain=40.0 / size),
+            PostureTask(self.state.q if self._arms is None else self._posture, cost=posture, gain=40.0 / size),
         ]
         for foot in self.contacts:
             offset = foot.placement.act(foot.corners.mean(axis=0))
@@ -286,15 +295,16 @@ class Walk(Displayed):
                 )
         return out
 
-    def _check_reach(self) -> None:
-        """Refuse footsteps where no pose has feet and centre of mass in place, or torques are too weak for it."""
-        plan, near = self._first, self.state
+    def _check_reach(self) -> list[tuple[float, State]]:
+        """Poses of the plan and their times; refused are footsteps without one, or with one that takes too large torques."""
+        plan, near, out = self._first, self.state, list[tuple[float, State]]()
         for step in plan.footsteps:
             for t in np.linspace(step.start, step.end, 4).tolist():
                 targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
                     self._check_strength(near, t)
+                    out.append((t, near))
                 except CannotReach as error:
                     worst = max((max(miss.distance, 0.1 * miss.angle) for miss in error.misses.values()), default=math.inf)
                     if worst < REACHED * self._planner.h:
@@ -307,6 +317,37 @@ class Walk(Displayed):
                         f"at {t:.2f} s the nearest pose is {1e3 * worst:.0f} mm off, with this foot at "
                         f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
+        return out
+
+    def _arms_of(self, given: Any, poses: Sequence[tuple[float, State]]) -> HeldArms | None:
+        """How arms are held; None: as at the start."""
+        start, robot = self.state.q, self.robot
+        if not isinstance(given, bool):
+            return given_arms(robot, self.contacts, start, given)
+        arms = arms_of(self.state, self.contacts, self._planner.yaw, self._planner.h) if given and self._two else ()
+        found = HeldArms(robot, start, start, arms)
+        return found.clear_in([pose.q for _, pose in poses], [self._ahead(t) for t, _ in poses]) if arms else None
+
+    def _ahead(self, t: float) -> float:
+        """How far the right foot is before the left one, more than at the start [m]."""
+        left, right = self._two
+        angle = self._planner.yaw + self.plan.turn(t)
+        off, at_first = (places[right].translation - places[left].translation for places in (
+            {foot: self.plan.placed(foot, t) for foot in self._two}, self._planner.poses
+        ))  # fmt: skip
+        start = self._planner.yaw
+        return float(off[:2] @ [math.cos(angle), math.sin(angle)] - at_first[:2] @ [math.cos(start), math.sin(start)])
+
+    def _posture(self, t: float) -> Reference:
+        """Where joints are to be: as at the start, but for the arms."""
+        assert self._arms is not None
+        dt, T, model = 1e-3, STARTS * self._planner.unit, self.robot.model
+        swings = bool(self._arms.arms)
+        before, now, after = (
+            self._arms.posture(x, float(smooth(x, T)[0]), self._ahead(x) if swings else 0.0) for x in (t - dt, t, t + dt)
+        )
+        ahead, behind = pin.difference(model, now, after), pin.difference(model, before, now)
+        return Reference(now, (ahead + behind) / (2.0 * dt), (ahead - behind) / dt**2)
 
     def _check_roll(self) -> None:
         """Refuse plans that roll the body far."""
