@@ -53,7 +53,7 @@ WAYS = (
 """When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
 RISES, HIGHEST = 0.9, 0.5
 """Angle by which a heel rises for each h that its foot goes forwards, and at most [rad]."""
-SAG = 0.06
+SAG = 0.03
 """On terrain it walks lower by this, over h: legs reach farther."""
 AHEAD, REST = 7.0, 3.0
 """A plan that is made on the way has the steps that begin so soon; after the last one it comes to rest for so long
