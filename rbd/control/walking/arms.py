@@ -79,16 +79,17 @@ def arms_of(state: State, feet: Sequence[Any], yaw: float, h: float) -> tuple[Ar
         hinges = [k for k in sorted(trees[j]) if model.joints[k].nv == 1 and model.joints[k].idx_v in motor]
         if not sides[j] or sides[model.parents[j]] or len(hinges) < JOINTS:
             continue
-        hand = max(sorted(trees[j]), key=lambda k: float(np.linalg.norm(places[k] - places[j])))  # noqa: B023 - used at once
+        tree = sorted(trees[j])
+        hand = tree[int(np.linalg.norm(places[tree] - places[j], axis=1).argmax())]
         J = state.frame(model.names[hand]).J[:3, [model.joints[k].idx_v for k in hinges]]
-        forward, out_ = ahead @ J, sides[j] * (left @ J)
+        forward, outward = ahead @ J, sides[j] * (left @ J)
         one = int(np.abs(forward).argmax())
-        out_[one] = 0.0
-        other = int(np.abs(out_).argmax())
+        outward[one] = 0.0
+        other = int(np.abs(outward).argmax())
         out.append(
             Arm(
                 sides[j], frozenset(trees[j]), model.names[hinges[one]], float(forward[one]), model.names[hinges[other]],
-                int(np.sign(out_[other])),
+                int(np.sign(outward[other])),
             )
         )  # fmt: skip
     alike = len(out) == 2 and out[0].side != out[1].side and len(out[0].tree) == len(out[1].tree)
@@ -117,7 +118,8 @@ def given_arms(robot: CheckedModel, feet: Sequence[Any], start: Array, given: An
         angle = joint.coordinate(q)
         if not joint.lower - 1e-9 <= angle <= joint.upper + 1e-9:
             raise InputError(
-                f"{said}: {name!r:.80} is at {angle:.4g}; expected it within its limits, {joint.lower:.4g} to {joint.upper:.4g}."
+                f"{said}: {name!r:.80} is at {angle:.4g}; expected it within its limits, {joint.lower:.4g} to "
+                f"{joint.upper:.4g}."
             )
     return HeldArms(robot, start, start if function else q, function=function)
 
@@ -157,7 +159,7 @@ class HeldArms:
     function: Callable[[float], Mapping[str, float]] | None = None
 
     def posture(self, t: float, share: float, ahead: float) -> Array:
-        """q at a time [s], so much of the way from the start, the right foot so far before the left one [m]."""
+        """Posture at a time [s], so much of the way from the start, the right foot so far before the left one [m]."""
         if self.function is not None:
             return with_values(self.robot, self.start, self.function(t), argument="what arms of Walk gives")
         swung = self._swung(ahead)
@@ -183,7 +185,7 @@ class HeldArms:
         return best
 
     def _moved(self, by: Sequence[tuple[str, float]]) -> Array:
-        """q with joints turned by angles, as far as their limits."""
+        """The posture with joints turned by angles, as far as their limits."""
         values = {}
         for name, angle in by:
             joint = self.robot.joints[name]

@@ -51,8 +51,8 @@ WAYS = (
     ((0.3, 0.75), (0.4, 0.65)),
 )
 """When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
-RISES, HIGHEST = 0.9, 0.5
-"""Angle by which a heel rises for each h that its foot goes forwards, and at most [rad]."""
+LIFTED, RISES, HIGHEST = 0.1, 0.45, 0.5
+"""Angle by which a heel rises at least, for each h that its foot goes forwards, and at most [rad]."""
 SAG = 0.03
 """On terrain it walks lower by this, over h: legs reach farther."""
 AHEAD, REST = 7.0, 3.0
@@ -289,15 +289,15 @@ class Planner:
         return out
 
     def _heel(self, foot: str, begin: pin.SE3, way: Array) -> dict[str, Any]:
-        """A heel rises where a sole goes forwards: flat, lifted behind the body, it would take more than ankles bend."""
+        """A heel rises: flat, a sole that is lifted or behind the body takes more than ankles bend."""
         corners = np.asarray(self.floor.feet[foot].corners)
         ahead = begin.rotation @ self.poses[foot].rotation.T @ [math.cos(self.yaw), math.sin(self.yaw), 0.0]
         far = float(ahead @ way) / self.h
-        if len(corners) < 3 or far <= 0.0:
+        if len(corners) < 3:
             return {}
         left = np.cross(begin.rotation[:, 2], ahead)
         toes = float(((corners - corners.mean(axis=0)) @ begin.rotation.T @ ahead).max())
-        return {"heel": min(RISES * far, HIGHEST) * left, "toes": toes}
+        return {"heel": min(max(LIFTED, RISES * far), HIGHEST) * left, "toes": toes}
 
     def plan(
         self,

@@ -23,7 +23,7 @@ from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.walking.arms import ArmsGiven, HeldArms, arms_of, given_arms
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
 from rbd.control.walking.gaits import TWO, Gait, gait_of, heading_of, roles_of
-from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet
+from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet, turning_range
 from rbd.control.walking.plan import Planner, WalkPlan
 from rbd.control.walking.swings import smooth
 from rbd.control.whole_body import WholeBodyController
@@ -58,8 +58,10 @@ RISE = 0.18
 """A foot is put at most so much higher or lower than the others, over h."""
 REACHED = 0.1
 """A footstep is out of reach where feet or the centre of mass are off by more in every pose, over h."""
-LONGEST, TURNS = 2.0, 0.5
-"""Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]."""
+LONGEST, TURNS, TURNED = 2.0, 0.5, 0.25
+"""Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]; and on two feet,
+as a share of the angle between them that legs allow. A foot turns by twice as much before the other follows, so half of it is
+left for balance: Romeo, with 0.5 rad, fell at 0.2 rad a swing, and walks at 0.125."""
 
 
 class Walk(Displayed):
@@ -172,6 +174,7 @@ class Walk(Displayed):
             self.gait.lift * h, min(0.05, max(0.4 * self.gait.overlap * unit, 0.004)), self.gait.tilt,
             self.gait.overlap, inertia_on_feet(self.state, self.contacts),
         )  # fmt: skip
+        self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
         planned: Sequence[Footstep]
         if isinstance(steps, int | np.integer):
             n = check_whole("steps of Walk", int(steps), 10_000)
@@ -183,7 +186,6 @@ class Walk(Displayed):
         self._check_roll()
         poses_of_plan = self._check_reach()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
-        self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
         self._arms = self._arms_of(arms, poses_of_plan)
         self._again, self._lift = -math.inf, np.zeros(3)
         self._seen: tuple[float, float, float] | None = None
@@ -264,7 +266,10 @@ class Walk(Displayed):
         if velocity is None:
             return np.array([stride, 0.0, 0.0])
         v = as_finite("velocity of Walk", velocity, (3,))
-        most = np.array([LONGEST * stride, 0.5 * LONGEST * stride, TURNS]) / period
+        turns = TURNS
+        if self._two and v[2]:
+            turns = min(turns, TURNED * turning_range(self.robot, self.state, planner.poses, self._two[0]))
+        most = np.array([LONGEST * stride, 0.5 * LONGEST * stride, turns]) / period
         if (np.abs(v) > most * (1.0 + 1e-9)).any():
             raise InputError(
                 f"velocity of Walk is {np.round(v, 4).tolist()}; expected at most {most[0]:.3g} m/s forwards or backwards, "
@@ -297,10 +302,11 @@ class Walk(Displayed):
 
     def _check_reach(self) -> list[tuple[float, State]]:
         """Poses of the plan and their times; refused are footsteps without one, or with one that takes too large torques."""
-        plan, near, out = self._first, self.state, list[tuple[float, State]]()
+        plan, out = self._first, list[tuple[float, State]]()
         for step in plan.footsteps:
             for t in np.linspace(step.start, step.end, 4).tolist():
                 targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
+                near = self._carried(t)
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
                     self._check_strength(near, t)
@@ -326,16 +332,15 @@ class Walk(Displayed):
             return given_arms(robot, self.contacts, start, given)
         arms = arms_of(self.state, self.contacts, self._planner.yaw, self._planner.h) if given and self._two else ()
         found = HeldArms(robot, start, start, arms)
-        return found.clear_in([pose.q for _, pose in poses], [self._ahead(t) for t, _ in poses]) if arms else None
+        return found.clear_in([pose.q for _, pose in poses], [self._lead(t) for t, _ in poses]) if arms else None
 
-    def _ahead(self, t: float) -> float:
+    def _lead(self, t: float) -> float:
         """How far the right foot is before the left one, more than at the start [m]."""
         left, right = self._two
         angle = self._planner.yaw + self.plan.turn(t)
-        off, at_first = (places[right].translation - places[left].translation for places in (
-            {foot: self.plan.placed(foot, t) for foot in self._two}, self._planner.poses
-        ))  # fmt: skip
-        start = self._planner.yaw
+        off = self.plan.placed(right, t).translation - self.plan.placed(left, t).translation
+        start, poses = self._planner.yaw, self._planner.poses
+        at_first = poses[right].translation - poses[left].translation
         return float(off[:2] @ [math.cos(angle), math.sin(angle)] - at_first[:2] @ [math.cos(start), math.sin(start)])
 
     def _posture(self, t: float) -> Reference:
@@ -344,10 +349,18 @@ class Walk(Displayed):
         dt, T, model = 1e-3, STARTS * self._planner.unit, self.robot.model
         swings = bool(self._arms.arms)
         before, now, after = (
-            self._arms.posture(x, float(smooth(x, T)[0]), self._ahead(x) if swings else 0.0) for x in (t - dt, t, t + dt)
+            self._arms.posture(x, float(smooth(x, T)[0]), self._lead(x) if swings else 0.0) for x in (t - dt, t, t + dt)
         )
         ahead, behind = pin.difference(model, now, after), pin.difference(model, before, now)
         return Reference(now, (ahead + behind) / (2.0 * dt), (ahead - behind) / dt**2)
+
+    def _carried(self, t: float) -> State:
+        """The posture of the start, moved with the plan's centre of mass and turned with it."""
+        q, plan = self.state.q.copy(), self._first
+        X, R = pin.XYZQUATToSE3(q[:7]), pin.rpy.rpyToMatrix(0.0, 0.0, plan.turn(t))
+        place = plan.com(t).value + R @ (X.translation - self.state.com)
+        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(R @ X.rotation, place))
+        return State(self.robot, q)
 
     def _check_roll(self) -> None:
         """Refuse plans that roll the body far."""
