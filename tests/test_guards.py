@@ -1219,7 +1219,7 @@ CASES: dict[str, Case] = {
     "Walk": Case(
         lambda **given: use_walk(**given),
         {"robot": SOLO_12, "steps": 1, "velocity": np.array([0.05, 0.0, 0.0]), "terrain": 0.0, "gait": "trot", "friction": 0.6}
-        | {"state": SOLO_12.standing(), "model": SOLO_12, "adapts": True},
+        | {"state": SOLO_12.standing(), "model": SOLO_12, "adapts": True, "arms": True},
         60,
     ),
     "WholeBodyController": Case(

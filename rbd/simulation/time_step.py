@@ -413,10 +413,11 @@ class StepSystem:
             at, touches, arrives, self.restitution, plastic=self.impact_speed, law=self.motion.law, norms=now.norms
         )
         after = self.snapshot(at.state.with_velocity(answer.v), now.t)
-        leaves = self._leaves(after)
-        passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
-        gaps = self.sizes.tolerances(after, now.gaps)
-        end = Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
+        leaves, match = self._leaves(after), PointMatching(layout, after.layout)
+        known = leaves if match.same else PointMatching(after.layout, layout).points(leaves, False)
+        passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], known))
+        gaps, norms = self.sizes.tolerances(after, now.gaps), answer.norms if match.same else None
+        end = Instant(now.t, after, gaps, match.points(touches, False), leaves, match.rows(now.force), norms, work=now.work)
         lost = kinetic_energy(at.state) - kinetic_energy(after.state)
         end = replace(end, dissipated=now.dissipated, other_work=now.other_work - lost)
         if arrives.any():

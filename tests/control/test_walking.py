@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
 import pickle
 
@@ -61,7 +62,9 @@ def test_a_foot_moves_smoothly() -> None:
     begin, end = pin.SE3.Identity(), pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.2, 0.05, 0.02]))
     way = Swing(begin, end, 1.0, 0.6, 0.07)
     other = way.redirected(1.25, pin.SE3(end.rotation, end.translation + [0.1, -0.1, 0.0]), 1.5)
-    for some, times in ((way, np.linspace(1.05, 1.55, 9)), (other, np.linspace(1.3, 1.45, 5))):
+    rises = dataclasses.replace(way, heel=np.array([0.02, 0.3, 0.0]), toes=0.1)
+    whole, rest = np.linspace(1.05, 1.55, 9), np.linspace(1.3, 1.45, 5)
+    for some, times in ((way, whole), (rises, whole), (other, rest)):
         for t in times:
             (_, v0, _), (X, v, a), (_, v1, _) = (some.at(x) for x in (t - 1e-5, t, t + 1e-5))
             before, after = some.at(t - 1e-5)[0], some.at(t + 1e-5)[0]
@@ -73,6 +76,11 @@ def test_a_foot_moves_smoothly() -> None:
             assert old.isApprox(new, 1e-12)
         else:
             assert new[:3] == pytest.approx(old[:3], abs=1e-9)
+    assert rises.at(1.6)[0].isApprox(way.end, 1e-9)
+    for t in np.linspace(1.02, 1.58, 9):  # the heel is higher than of a flat foot, and toes no lower
+        (X, *_), (flat, *_) = rises.at(t), way.at(t)
+        heel, toes = (float((X.act(p) - flat.act(p))[2]) for p in (np.array([-0.1, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])))
+        assert heel >= -1e-12 and -1e-3 < toes < 5e-3
     X, v, _ = other.at(1.5)
     assert X.isApprox(other.end, 1e-9) and v == pytest.approx(np.zeros(6), abs=1e-9)
     assert smooth(0.3, 0.6) == pytest.approx([0.5, 30 / 16 / 0.6, 0.0]) and bump(0.3, 0.6)[:2] == pytest.approx([1.0, 0.0])
@@ -212,7 +220,8 @@ def test_a_humanoid_walks_aside_turns_and_goes_back(talos: rbd.Robot, velocity: 
 def test_humanoids_walk_up_and_down_stairs(exhaustive: bool) -> None:
     """Three stairs of 10 cm: no violated step, feet where planned; G1 in exhaustive tests.
 
-    Checked, every frame of the motion is possible; on stairs shifted by 1 cm and 12 cm it sinks, hovers, tips and floats.
+    Checked, every frame of the motion is possible, and no bodies touch; on stairs shifted by 1 cm and 12 cm it sinks, hovers,
+    tips and floats.
     """
     for name in ("talos", *(("g1",) if exhaustive else ())):
         check_stairs(rbd.load_robot(name))
@@ -231,7 +240,7 @@ def check_stairs(robot: rbd.Robot) -> None:
     wrong, found = ("floats", "hovering foot", "sinks", "tips"), {}
     for by in ((0.0, 0.0), (0.0, 0.01), (0.0, -0.01), (0.12, 0.0), (0.0, 0.12), (0.0, -0.12)):
         shifted = rbd.Terrain.stairs(0.1, 0.3, 3, start=place + [by[0], 0.0, by[1]], down=True)
-        report = rbd.check_motion(motion, ground=shifted, self_collision=False, progress=False)
+        report = rbd.check_motion(motion, ground=shifted, self_collision=by == (0.0, 0.0), progress=False)
         found[by] = {cause: float(report.of_cause(cause).mean()) for cause in wrong if report.of_cause(cause).any()}
         assert (report.share_possible == 1.0) == (by == (0.0, 0.0))
     assert found[0.0, 0.0] == {} and set(found[0.0, 0.01]) == {"sinks"} and set(found[0.12, 0.0]) == {"sinks", "tips"}
@@ -322,7 +331,7 @@ def random_walk(rng: np.random.Generator, name: str | None = None) -> Walk:
 
 
 def test_walks_drawn_at_random_stand_or_are_refused(exhaustive: bool) -> None:
-    """Fifty in exhaustive tests: none falls but of iCub and Romeo, whose ankles are at their limits on stairs and in turns."""
+    """Fifty in exhaustive tests: none falls."""
     rng, refused, n = np.random.default_rng(38), 0, 50 if exhaustive else 2
     fell = list[str]()
     for _ in range(n):
@@ -340,7 +349,7 @@ def test_walks_drawn_at_random_stand_or_are_refused(exhaustive: bool) -> None:
         end, off = run.state(-1), np.abs(run.com[-1] - walk.plan.centroid.com[-1]).max()
         if walk.log.violations or walk.log.residual.max() > 1e-8 or off > 0.02 or np.abs(end.v[:6]).max() > 0.05:
             fell.append(walk.robot.name)
-    assert refused <= n // 2 and len(fell) <= n // 10 and set(fell) <= {"icub", "romeo"}
+    assert refused <= n // 2 and not fell
 
 
 def test_gaits() -> None:

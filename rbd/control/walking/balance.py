@@ -136,7 +136,7 @@ class Balance(Walk):
         model: Robot | None = None,
         steps: bool = True,
     ) -> None:
-        super().__init__(robot, [], terrain=terrain, friction=friction, state=state, model=model)
+        super().__init__(robot, [], terrain=terrain, friction=friction, state=state, model=model, arms=False)
         check_flag("steps of Balance", steps)
         if len(self.contacts) != 2:
             raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,9 +13,12 @@ from rbd.arrays import Array, check_number
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.errors.inputs import listed_items
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 TWO, FOUR = ("left", "right"), ("front_left", "front_right", "hind_left", "hind_right")
+TOES = 0.2
+"""A sole reaches so much farther to one side of its last joint than to the other, over half its length: there are the toes."""
 
 
 @dataclass(frozen=True)
@@ -100,26 +104,43 @@ def gait_of(gait: object, feet: int) -> Gait:
     return name
 
 
-def roles_of(state: State, feet: Sequence[Any], centres: Array) -> dict[str, str]:
-    """{"left" or "front_left" ...: name of the foot}, by where they stand, shape (feet, 3), seen from the base.
+def heading_of(state: State, feet: Sequence[Any]) -> float:
+    """Where the robot faces, an angle about the vertical [rad]: along x of its base, or, where its toes say so, along -x.
+
+    That is where soles reach farther behind the last joint than before it, by a tenth of their length in the mean.
+    """
+    R = state.frame(state.robot.model.names[state.robot.bases[0]]).X_WF.rotation
+    x, model = R[:, 0] / np.linalg.norm(R[:2, 0]), state.robot.model
+    toes = list[float]()
+    for foot in feet:
+        if len(foot.corners) > 1:
+            joint = model.frames[model.getFrameId(foot.frame)].parentJoint
+            X, place = state.frame(foot.frame).X_WF * foot.placement, state.joint_places([joint])[1][0]
+            reach = [float((X.act(p) - place)[:2] @ x[:2]) for p in foot.corners]
+            toes.append((max(reach) + min(reach)) / (max(reach) - min(reach)))
+    back = bool(toes) and float(np.mean(toes)) < -TOES
+    return math.atan2(-x[1], -x[0]) if back else math.atan2(x[1], x[0])
+
+
+def roles_of(robot: CheckedModel, feet: Sequence[Any], centres: Array, yaw: float) -> dict[str, str]:
+    """{"left" or "front_left" ...: name of the foot}, by where they stand, shape (feet, 3), seen along a heading [rad].
 
     Raises:
         InputError: neither two nor four feet, or two of them at one side.
     """
     if len(feet) not in (2, 4):
         raise InputError(
-            f"{state.robot.name} has {len(feet)} feet, and gaits are known of two and of four; give `steps` as a list of "
+            f"{robot.name} has {len(feet)} feet, and gaits are known of two and of four; give `steps` as a list of "
             "rbd.control.Footstep with times of your own."
         )
-    names, base = [foot.name for foot in feet], state.robot.model.names[state.robot.bases[0]]
-    X = state.frame(base).X_WF
-    forward, left = ((centres - centres.mean(axis=0)) @ X.rotation[:, :2]).T
+    names, (c, s) = [foot.name for foot in feet], (math.cos(yaw), math.sin(yaw))
+    forward, left = ((centres - centres.mean(axis=0))[:, :2] @ [[c, -s], [s, c]]).T
     side = np.where(left > 0.0, "left", "right")
     roles = side if len(feet) == 2 else np.char.add(np.where(forward > 0.0, "front_", "hind_"), side)
     found = dict(zip(roles.tolist(), names, strict=True))
     if len(found) < len(feet):
         raise InputError(
-            f"feet of {state.robot.name} are at {', '.join(roles.tolist())}; expected one at each of "
+            f"feet of {robot.name} are at {', '.join(roles.tolist())}; expected one at each of "
             f"{', '.join(TWO if len(feet) == 2 else FOUR)}: a posture in which they stand apart."
         )
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,17 @@ import pinocchio as pin
 from rbd.arrays import Array, inertia_factor
 from rbd.centroid.program import inner_corners
 from rbd.constraints.convex.polygons import clipped
-from rbd.errors import ModelError, SingularInertia
+from rbd.errors import CannotReach, ModelError, SingularInertia
+from rbd.mechanism.pose_search import find_pose
 from rbd.model.state import State
+from rbd.robots.robot import Robot
 
 ANKLES = 0.8
 """Forces of the plan act where the whole weight takes at most this share of the torque limits of the ankles."""
 ANKLE = 0.1
 """Joints of a foot are nearer to the last one than this, over h: the others are of the leg."""
+WIDEST = 1.25
+"""Angle between two feet that is tried at most [rad]."""
 BENT, RANK = 0.1, 1e-6
 """Legs are bent by so much [rad] before their directions are counted: straight ones move in fewer. The smallest singular value
 of a direction, over the largest."""
@@ -63,6 +67,35 @@ def check_legs(state: State, feet: Sequence[Any], h: float) -> None:
                 f"{np.round(U[:3, -1], 2).tolist()}: it cannot be put down where balance needs it. Walk expects "
                 f"{len(J)} directions of {'a point' if len(J) == 3 else 'a sole'}."
             )
+
+
+def turning_range(robot: Robot, state: State, poses: Mapping[str, pin.SE3], left: str) -> float:
+    """The largest angle between two feet, toes out, at which legs take them within their joint limits where they stand [rad].
+
+    By `rbd.find_pose` with the base where it stands, upright, halved until it is known to 0.05 rad; at most 1.25.
+
+    Args:
+        robot: The robot.
+        state: Where it starts.
+        poses: {foot: pose of its contact's centre} of its two soles.
+        left: Name of the left foot.
+    """
+    low, high, angle = 0.0, WIDEST, WIDEST
+    base = robot.model.names[robot.bases[0]]
+    still = {base: state.frame(base).X_WF}
+    while high - low > 0.05:
+        turned = {
+            name: pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, (0.5 if name == left else -0.5) * angle) @ X.rotation, X.translation)
+            for name, X in poses.items()
+        }
+        try:
+            find_pose(robot, turned | still, posture=state)
+        except CannotReach:
+            high = angle
+        else:
+            low = angle
+        angle = 0.5 * (low + high)
+    return low
 
 
 def carrying(state: State, feet: Sequence[Any], h: float) -> dict[str, Array]:

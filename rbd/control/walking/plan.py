@@ -51,7 +51,9 @@ WAYS = (
     ((0.3, 0.75), (0.4, 0.65)),
 )
 """When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
-SAG = 0.06
+LIFTED, RISES, HIGHEST = 0.1, 0.45, 0.5
+"""Angle by which a heel rises at least, for each h that its foot goes forwards, and at most [rad]."""
+SAG = 0.03
 """On terrain it walks lower by this, over h: legs reach farther."""
 AHEAD, REST = 7.0, 3.0
 """A plan that is made on the way has the steps that begin so soon; after the last one it comes to rest for so long
@@ -268,7 +270,7 @@ class Planner:
     def way(self, foot: str, begin: pin.SE3, end: pin.SE3, start: float, T: float) -> Swing:
         """From one foothold to the next, over what lies between."""
         a, b = begin.translation, end.translation
-        out = Swing(begin, end, start, T, max(a[2], b[2]) + self.lift)
+        out = Swing(begin, end, start, T, max(a[2], b[2]) + self.lift, **self._heel(foot, begin, b - a))
         if not self.floor.uneven:
             return out
         share = np.linspace(0.0, 1.0, 41)
@@ -285,6 +287,17 @@ class Planner:
             if (z > np.interp(s, share, tops) - 1e-3)[(s > 0.0) & (s < 1.0)].all():
                 break
         return out
+
+    def _heel(self, foot: str, begin: pin.SE3, way: Array) -> dict[str, Any]:
+        """A heel rises: flat, a sole that is lifted or behind the body takes more than ankles bend."""
+        corners = np.asarray(self.floor.feet[foot].corners)
+        ahead = begin.rotation @ self.poses[foot].rotation.T @ [math.cos(self.yaw), math.sin(self.yaw), 0.0]
+        far = float(ahead @ way) / self.h
+        if len(corners) < 3:
+            return {}
+        left = np.cross(begin.rotation[:, 2], ahead)
+        toes = float(((corners - corners.mean(axis=0)) @ begin.rotation.T @ ahead).max())
+        return {"heel": min(max(LIFTED, RISES * far), HIGHEST) * left, "toes": toes}
 
     def plan(
         self,

@@ -15,6 +15,9 @@ SINKS = 0.04
 DEEPEST = 0.02
 """And how far at most [m]."""
 
+HEEL = 0.7
+"""A heel is up until this share of a swing."""
+
 
 def to_rest(t: float, T: float, way: Any, v: Any, a: Any) -> Array:
     """Displacement, velocity and acceleration after t of a motion that covers a way in a time T and ends at rest.
@@ -59,6 +62,8 @@ class Swing:
         top: Height of the way [m].
         forward: (when it begins to move forwards, when it ends), as shares of T.
         high: (when it is at its height, until when), as shares of T.
+        heel: Rotation vector by which its heel rises about its toes, most at 0.35 T, shape (3,) [rad].
+        toes: How far the toes are from its centre [m].
         since: When its end was changed last [s]; None: never.
         state: Where it was then, its velocity and acceleration, shape (3, 3).
     """
@@ -70,6 +75,8 @@ class Swing:
     top: float
     forward: tuple[float, float] = (0.0, 0.9)
     high: tuple[float, float] = (0.5, 0.5)
+    heel: Array | None = None
+    toes: float = 0.0
     since: float | None = None
     state: Array | None = None
 
@@ -102,11 +109,18 @@ class Swing:
             path[0, :3] += place
         axis = pin.log3(self.end.rotation @ self.begin.rotation.T)
         path[1:, 3:] = s[1:, None] * axis
+        R = pin.exp3(s[0] * axis)
+        if self.heel is not None and self.since is None:
+            b, about = bump(u, HEEL * self.T), R @ self.heel
+            path[:, 2] += self.toes * float(np.linalg.norm(self.heel)) * b  # so its toes are no lower
+            path[1, 3:] += b[1] * about
+            path[2, 3:] += b[2] * about + b[1] * np.cross(s[1] * axis, about)
+            R = R @ pin.exp3(b[0] * self.heel)
         if u > self.T:
             depth = SINKS * (u - self.T)
             path[0, 2] -= min(depth, DEEPEST)
             path[1, 2] -= SINKS * (depth < DEEPEST)
-        return pin.SE3(pin.exp3(s[0] * axis) @ self.begin.rotation, path[0, :3]), path[1], path[2]
+        return pin.SE3(R @ self.begin.rotation, path[0, :3]), path[1], path[2]
 
     def redirected(self, t: float, end: pin.SE3, landing: float) -> Swing:
         """To another foothold, at another time, from where it is at a time on."""

@@ -20,10 +20,12 @@ from rbd.control.motion_limits import Limits
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
+from rbd.control.walking.arms import ArmsGiven, HeldArms, arms_of, given_arms
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
-from rbd.control.walking.gaits import Gait, gait_of, roles_of
-from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet
+from rbd.control.walking.gaits import TWO, Gait, gait_of, heading_of, roles_of
+from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet, turning_range
 from rbd.control.walking.plan import Planner, WalkPlan
+from rbd.control.walking.swings import smooth
 from rbd.control.whole_body import WholeBodyController
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, NoSolution
@@ -56,8 +58,10 @@ RISE = 0.18
 """A foot is put at most so much higher or lower than the others, over h."""
 REACHED = 0.1
 """A footstep is out of reach where feet or the centre of mass are off by more in every pose, over h."""
-LONGEST, TURNS = 2.0, 0.5
-"""Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]."""
+LONGEST, TURNS, TURNED = 2.0, 0.5, 0.25
+"""Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]; and on two feet,
+as a share of the angle between them that legs allow. A foot turns by twice as much before the other follows, so half of it is
+left for balance: Romeo, with 0.5 rad, fell at 0.2 rad a swing, and walks at 0.125."""
 
 
 class Walk(Displayed):
@@ -75,7 +79,8 @@ class Walk(Displayed):
     from where a foot pushes by exp(t / sqrt(h / g)), so over a shorter step it may begin farther off, with room for errors.
     So pushes are taken up by steps.
 
-    Arms follow their posture: Talos' shoulders turn by 2 degrees, and its momentum about the vertical reaches 1.3 N m s.
+    Arms swing against the legs, a hand by 0.4 of how far the foot of the other side is before its own, held aside by as little
+    as keeps them 2 cm from legs and trunk in poses of the plan.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
     the controller keeps as well as it can (`log`).
@@ -84,13 +89,17 @@ class Walk(Displayed):
         robot: The robot, with two or four feet.
         steps: How many times a foot (of four: a group of the gait) is lifted; or `Footstep` records in any order.
         velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait.
+            Forwards is along x of the base, or where toes clearly point backwards (iCub's), along -x.
         terrain: What it walks on: a plane, a height [m], or `rbd.Terrain`; a sole is put down where it rests wholly, at most
             20 cm before or behind, and feet clear what lies between.
         gait: "walk" of two feet; "crawl", "trot", "pace", "bound" of four; or a `Gait`. None: the first of these.
         friction: Coulomb's coefficient of the contacts; the plan uses 80 % of it.
-        state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture.
+        state: Where it starts, at rest on its feet; None: standing on the ground under its standing posture, facing along x.
         model: The model with which it computes, of the same joints; None: the robot itself.
         adapts: Whether it plans again on the way; not in gaits with flight, whose tilt a new plan does not know.
+        arms: Whether arms swing, where there is one on each side; False: they follow the posture of the start. Or
+            {joint: angle} [rad], also of head and trunk: held at these from the first step on; or a function of time that
+            gives them.
 
     Attributes:
         robot: The robot.
@@ -132,6 +141,7 @@ class Walk(Displayed):
         state: State | None = None,
         model: Robot | None = None,
         adapts: bool = True,
+        arms: ArmsGiven = True,
     ) -> None:
         check_kind("the robot of Walk", robot, Robot, "a robot: rbd.load_robot(name)")
         check_model("Walk", model)
@@ -150,20 +160,21 @@ class Walk(Displayed):
         centres = np.array([X.translation for X in poses.values()])
         self._base = robot.model.names[robot.bases[0]]
         R = self.state.frame(self._base).X_WF.rotation
-        yaw = math.atan2(R[1, 0], R[0, 0])
+        yaw = heading_of(self.state, self.contacts)
         h = float(self.state.com[2] - centres[:, 2].mean())
         if not h > 0.0:
             raise InputError(f"the centre of mass of {robot.name} is {h:.3g} m above its feet; expected it over them.")
         check_legs(self.state, self.contacts, h)
         unit = math.sqrt(h / float(np.linalg.norm(robot.gravity)))
         self.gait = gait_of(gait, len(feet))
-        roles, floor = roles_of(self.state, self.contacts, centres), Floor(on, feet, RISE * h)
+        roles, floor = roles_of(robot, self.contacts, centres, yaw), Floor(on, feet, RISE * h)
         poses |= {name: floor.pose(name, X.translation, yaw) for name, X in poses.items() if len(feet[name].corners) == 1}
         self._planner = Planner(
             robot, floor, poses, carrying(self.state, self.contacts, h), self.state.com, yaw, h, unit, friction,
             self.gait.lift * h, min(0.05, max(0.4 * self.gait.overlap * unit, 0.004)), self.gait.tilt,
             self.gait.overlap, inertia_on_feet(self.state, self.contacts),
         )  # fmt: skip
+        self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
         planned: Sequence[Footstep]
         if isinstance(steps, int | np.integer):
             n = check_whole("steps of Walk", int(steps), 10_000)
@@ -173,8 +184,9 @@ class Walk(Displayed):
             planned = self._given(steps)
         self._first = self._planner.over(planned)
         self._check_roll()
-        self._check_reach()
+        poses_of_plan = self._check_reach()
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
+        self._arms = self._arms_of(arms, poses_of_plan)
         self._again, self._lift = -math.inf, np.zeros(3)
         self._seen: tuple[float, float, float] | None = None
         self._control = WholeBodyController(
@@ -235,7 +247,7 @@ class Walk(Displayed):
             ComTask(self._com, cost=com / size**2, gain=60.0 / size),
             MomentumTask(self._momentum, angular_cost=3.0 / size**4, gain=5.0 / math.sqrt(size)),
             FrameTask(self._base, partial(self._turned, R), orientation_cost=firm, gain=80.0 / size),
-            PostureTask(self.state.q, cost=posture, gain=40.0 / size),
+            PostureTask(self.state.q if self._arms is None else self._posture, cost=posture, gain=40.0 / size),
         ]
         for foot in self.contacts:
             offset = foot.placement.act(foot.corners.mean(axis=0))
@@ -254,7 +266,10 @@ class Walk(Displayed):
         if velocity is None:
             return np.array([stride, 0.0, 0.0])
         v = as_finite("velocity of Walk", velocity, (3,))
-        most = np.array([LONGEST * stride, 0.5 * LONGEST * stride, TURNS]) / period
+        turns = TURNS
+        if self._two and v[2]:
+            turns = min(turns, TURNED * turning_range(self.robot, self.state, planner.poses, self._two[0]))
+        most = np.array([LONGEST * stride, 0.5 * LONGEST * stride, turns]) / period
         if (np.abs(v) > most * (1.0 + 1e-9)).any():
             raise InputError(
                 f"velocity of Walk is {np.round(v, 4).tolist()}; expected at most {most[0]:.3g} m/s forwards or backwards, "
@@ -285,15 +300,17 @@ class Walk(Displayed):
                 )
         return out
 
-    def _check_reach(self) -> None:
-        """Refuse footsteps where no pose has feet and centre of mass in place, or torques are too weak for it."""
-        plan, near = self._first, self.state
+    def _check_reach(self) -> list[tuple[float, State]]:
+        """Poses of the plan and their times; refused are footsteps without one, or with one that takes too large torques."""
+        plan, out = self._first, list[tuple[float, State]]()
         for step in plan.footsteps:
             for t in np.linspace(step.start, step.end, 4).tolist():
                 targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
+                near = self._carried(t)
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
                     self._check_strength(near, t)
+                    out.append((t, near))
                 except CannotReach as error:
                     worst = max((max(miss.distance, 0.1 * miss.angle) for miss in error.misses.values()), default=math.inf)
                     if worst < REACHED * self._planner.h:
@@ -306,6 +323,44 @@ class Walk(Displayed):
                         f"at {t:.2f} s the nearest pose is {1e3 * worst:.0f} mm off, with this foot at "
                         f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
+        return out
+
+    def _arms_of(self, given: Any, poses: Sequence[tuple[float, State]]) -> HeldArms | None:
+        """How arms are held; None: as at the start."""
+        start, robot = self.state.q, self.robot
+        if not isinstance(given, bool):
+            return given_arms(robot, self.contacts, start, given)
+        arms = arms_of(self.state, self.contacts, self._planner.yaw, self._planner.h) if given and self._two else ()
+        found = HeldArms(robot, start, start, arms)
+        return found.clear_in([pose.q for _, pose in poses], [self._lead(t) for t, _ in poses]) if arms else None
+
+    def _lead(self, t: float) -> float:
+        """How far the right foot is before the left one, more than at the start [m]."""
+        left, right = self._two
+        angle = self._planner.yaw + self.plan.turn(t)
+        off = self.plan.placed(right, t).translation - self.plan.placed(left, t).translation
+        start, poses = self._planner.yaw, self._planner.poses
+        at_first = poses[right].translation - poses[left].translation
+        return float(off[:2] @ [math.cos(angle), math.sin(angle)] - at_first[:2] @ [math.cos(start), math.sin(start)])
+
+    def _posture(self, t: float) -> Reference:
+        """Where joints are to be: as at the start, but for the arms."""
+        assert self._arms is not None
+        dt, T, model = 1e-3, STARTS * self._planner.unit, self.robot.model
+        swings = bool(self._arms.arms)
+        before, now, after = (
+            self._arms.posture(x, float(smooth(x, T)[0]), self._lead(x) if swings else 0.0) for x in (t - dt, t, t + dt)
+        )
+        ahead, behind = pin.difference(model, now, after), pin.difference(model, before, now)
+        return Reference(now, (ahead + behind) / (2.0 * dt), (ahead - behind) / dt**2)
+
+    def _carried(self, t: float) -> State:
+        """The posture of the start, moved with the plan's centre of mass and turned with it."""
+        q, plan = self.state.q.copy(), self._first
+        X, R = pin.XYZQUATToSE3(q[:7]), pin.rpy.rpyToMatrix(0.0, 0.0, plan.turn(t))
+        place = plan.com(t).value + R @ (X.translation - self.state.com)
+        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(R @ X.rotation, place))
+        return State(self.robot, q)
 
     def _check_roll(self) -> None:
         """Refuse plans that roll the body far."""
@@ -399,12 +454,22 @@ def places_of(feet: Sequence[Contact], poses: Mapping[str, pin.SE3]) -> dict[Any
 
 
 def standing_on(robot: Robot, on: Ground | Terrain) -> State:
-    """The standing posture on a plane or terrain, in place, its centre of mass as high over the feet as on level ground.
+    """The standing posture on a plane or terrain, its centre of mass as high over the feet as on level ground.
+
+    In place, but turned where it does not face along x.
 
     Raises:
         CannotReach: the ground is too uneven there.
     """
     feet, state = robot.feet(friction=None), robot.standing()
+    yaw = heading_of(state, feet)
+    if abs(yaw) > FLAT:
+        middle = np.mean([X.translation for X in contacts_at(state, feet).values()], axis=0)
+        turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -yaw), np.zeros(3))
+        turn.translation = middle - turn.rotation @ middle
+        q = state.q.copy()
+        q[:7] = pin.SE3ToXYZQUAT(turn * pin.XYZQUATToSE3(q[:7]))
+        state = State(robot, q)
     floor, poses = Floor(on, {foot.name: foot for foot in feet}, math.inf), contacts_at(state, feet)
     yaws = {name: math.atan2(X.rotation[1, 0], X.rotation[0, 0]) for name, X in poses.items()}
     wanted = {name: floor.pose(name, X.translation, yaws[name]) for name, X in poses.items()}
