@@ -25,6 +25,9 @@ from rbd.errors import InputError
 
 def audit(
     file: Annotated[str, typer.Argument(metavar="RUN.npz", help="What the engine wrote; its layout is in the docs.")],
+    other: Annotated[
+        str | None, typer.Argument(metavar="OTHER.npz", help="The same motion by another engine: where do they part?")
+    ] = None,
     robot: Annotated[
         str | None, typer.Option(help="Name (g1) or path of its robot; not needed where the file names it.")
     ] = None,
@@ -41,28 +44,36 @@ def audit(
     """Audit an engine's contact forces: does the equation of motion hold, and which law of contact do they obey?
 
     Names what is wrong, frame by frame: forces that are missing, outside their cone, at a distance; points that lift, creep or
-    sink; energy that contacts make. Soft contact is described by its stiffness and creep.
+    sink; energy that contacts make. Soft contact is described by its stiffness and creep. Of two files: where the engines part
+    first, and why.
 
-    Exit codes: 0 nothing found, 1 causes found, 2 bad input. For example:
+    Exit codes: 0 nothing found, 1 causes found or engines part, 2 bad input. For example:
 
     rbd audit run.npz --robot g1 --html audit.html
     """
     from rbd.audits.auditing import audit as judge
     from rbd.audits.causes import Thresholds
+    from rbd.audits.engines_compared import EnginesCompared, compare
     from rbd.audits.record import Record
+    from rbd.audits.report import AuditReport
     from rbd.robots.loading import load_robot
 
     console = open_console()
     with answering(audit):
         check_outputs({"--html": (html, PAGES), "--json": (json_, ())}, reads=file)
         owner = None if robot is None else load_robot(robot, package_dirs=package_dir or ())
-        report = judge(
-            Record.read(file, owner), law=law, friction=friction, thresholds=Thresholds(**_thresholds(threshold or ()))
-        )
-        write_json(json_, report)
-        console.print(str(report), highlight=False, soft_wrap=True)
-        write_outputs(console, ("page", html, report.export))
-    if not report.ok:
+        limits, record = Thresholds(**_thresholds(threshold or ())), Record.read(file, owner)
+        found: AuditReport | EnginesCompared
+        if other is None:
+            found = judge(record, law=law, friction=friction, thresholds=limits)
+            good = found.ok
+        else:
+            found = compare(record, Record.read(other, owner).on(record.robot), law=law, thresholds=limits)
+            good = found.agree
+        write_json(json_, found)
+        console.print(str(found), highlight=False, soft_wrap=True)
+        write_outputs(console, ("page", html, found.export))
+    if not good:
         raise typer.Exit(NO_SOLUTION)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from audit_scenes import falling, loaded, scaled, sliding
+from audit_scenes import falling, loaded, pulling, scaled, sliding
 from typer.testing import CliRunner
 
 import rbd
@@ -149,6 +149,17 @@ class TestCommand:
         done = run_cli("audit", str(tmp_path / "run.npz"))
         assert done.exit_code == 1 and "1.05 times what balances" in done.output
         assert run_cli("audit", str(tmp_path / "run.npz"), "--threshold", "balance=1").exit_code == 0
+
+    def test_two_files_are_compared(self, tmp_path):
+        """Exit code 1 where they part."""
+        record = falling()
+        record.save(tmp_path / "one.npz")
+        pulling(record, loaded(record)).save(tmp_path / "two.npz")
+        same = run_cli("audit", str(tmp_path / "one.npz"), str(tmp_path / "one.npz"))
+        assert same.exit_code == 0 and "agree in 76 steps" in same.output
+        done = run_cli("audit", str(tmp_path / "one.npz"), str(tmp_path / "two.npz"), "--json", str(tmp_path / "run.json"))
+        assert done.exit_code == 1 and "part at" in done.output
+        assert '"cause": "' in (tmp_path / "run.json").read_text()
 
     def test_bad_input(self, tmp_path):
         """Named, with exit code 2."""
