@@ -287,7 +287,8 @@ def test_no_module_writes_files_on_its_own():
     for path in sorted(Path(rbd.__file__).parent.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         writes = [word for word in (".write_text(", ".write_bytes(", "savefig(path", '"wb")', '"w")') if word in text]
-        assert not writes or path.name in own, f"{path.name}: {writes}"
+        in_memory = path.match("audits/bench/files.py")  # HDF5 is written into bytes
+        assert not writes or path.name in own or in_memory, f"{path.name}: {writes}"
 
 
 @pytest.mark.parametrize(("name", "words"), [("kept.html", "it may not be overwritten"), ("x.html", "no file may be made")])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from rbd.arrays import check_number
+from rbd.displayed import Displayed
 
 CAUSES = {
     "balance": ("N", "M a + h = S^T tau + J^T f does not hold: this force is missing"),
@@ -21,7 +22,7 @@ CAUSES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thresholds:
+class Thresholds(Displayed):
     """From which size on a cause is reported. Shares are of the robot's weight; without gravity, of the forces.
 
     Attributes:

@@ -42,7 +42,7 @@ SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parting:
+class Parting(Displayed):
     """Where two records part first.
 
     Attributes:

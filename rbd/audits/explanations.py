@@ -11,6 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.audits.kinematics import balance_of, jacobian_at
 from rbd.audits.record import Record, to_body_axes, unit_of
+from rbd.displayed import Displayed
 
 LEFT = 0.01
 """Share of a missing force that may be left where something explains it."""
@@ -20,7 +21,7 @@ _ALIKE, _PARALLEL = 0.02, 0.99999
 
 
 @dataclass(frozen=True)
-class Explanation:
+class Explanation(Displayed):
     """What explains the missing forces of some frames.
 
     Attributes:

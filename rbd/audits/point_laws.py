@@ -14,11 +14,12 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.audits.kinematics import Balance
 from rbd.audits.record import Record
+from rbd.displayed import Displayed
 from rbd.problem.cones import project_cones
 
 
 @dataclass(frozen=True, eq=False)
-class PointLaws:
+class PointLaws(Displayed):
     """Forces and motions of k points along and across their normals, and by how much they miss each law.
 
     A point is judged by the velocity u that its step led to; without a step by that of its frame. Where that is zero, u is what

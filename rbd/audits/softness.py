@@ -8,13 +8,14 @@ import numpy as np
 
 from rbd.audits.point_laws import PointLaws
 from rbd.audits.record import Record
+from rbd.displayed import Displayed
 
 _FEW = 5
 """Points below which nothing is fitted."""
 
 
 @dataclass(frozen=True)
-class Softness:
+class Softness(Displayed):
     """How two bodies give way, by medians over the points that push.
 
     Attributes:
