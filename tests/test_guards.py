@@ -1645,7 +1645,7 @@ CASES |= {
 
 def given_place(path: Any) -> Any:
     """A path that is nonsense is not written to."""
-    return path if isinstance(path, Path) or not isinstance(path, str | bytes) else "nowhere"
+    return path if isinstance(path, Path) or not isinstance(path, str | bytes) else "/nowhere/x.dat"
 
 
 def use_answers(found: Any) -> Any:
