@@ -391,6 +391,6 @@ def _at_contact(found: EnginesCompared, sides: tuple[_Side, _Side], i: int, k: i
     if causes[0] != causes[1]:
         finds = "; ".join(f"{side.engine}: {joined(x) or 'nothing'}" for side, x in zip(sides, causes, strict=True))
         return "law", f"{both}; the audits find there: {finds}"
-    far = 1e3 * float(np.linalg.norm(sides[0].centre(i, k) - sides[1].centre(i, k)))
+    far = round(1e3 * float(np.linalg.norm(sides[0].centre(i, k) - sides[1].centre(i, k))), 6)
     off = float(np.linalg.norm(f[0] - f[1]))
     return "force", f"{both}, {off:.3g} N apart; centres of pressure are {far:.3g} mm apart"

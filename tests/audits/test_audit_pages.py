@@ -196,7 +196,10 @@ def test_two_engines_are_beside_each_other(tmp_path: Path) -> None:
 
 
 def test_the_browser_shows_disks_and_goes_to_worst_frames(report: AuditReport, page: Path) -> None:
-    """A click on a row of the card; a disk of a slipping point is yellow, of a creeping one red."""
+    """A click on a row of the card; a disk of a slipping point is yellow, of a creeping one red.
+
+    The page opens at the worst frame, but a camera that follows goes with the robot from where the first frame has it.
+    """
     if find_browser() is None:
         pytest.skip("no Chromium on this machine")
     ask = """(() => {
@@ -204,9 +207,9 @@ def test_the_browser_shows_disks_and_goes_to_worst_frames(report: AuditReport, p
         const color = () => '#' + disk.children[0].material.color.getHexString();
         const buttons = [...document.querySelectorAll('#legend .card button')];
         buttons.find((each) => each.textContent === 'creeps').click();
-        const crept = [player.t, color()];
+        const from = player.cast.start, crept = [player.t, color()];
         player.go(0);
-        return {crept, slid: color(), flat: disk.position.z, aside: tracks[1].big.node.parent.position.length()};
+        return {from, crept, slid: color(), flat: disk.position.z, aside: tracks[1].big.node.parent.position.length()};
     })()"""
     with Browser() as browser, browser.open(page, width=800, height=600) as shown:
         seen = shown.evaluate(ask)
@@ -214,3 +217,4 @@ def test_the_browser_shows_disks_and_goes_to_worst_frames(report: AuditReport, p
     assert seen["crept"] == [pytest.approx(report.record.t[report.worst("creeps", 1)[0]]), colors[CREEPS]]
     assert (seen["slid"], seen["flat"]) == (colors[SLIPS], 0.0)
     assert seen["aside"] > 0.0
+    assert seen["from"] == pytest.approx([0.0, 0.0, 0.1], abs=SINGLE)
