@@ -53,9 +53,9 @@ def test_onto_a_box(talos: rbd.Robot, exhaustive: bool):
         follow(plan, terrain)
 
 
-def follow(plan: rbd.planning.Plan, terrain: rbd.Terrain) -> None:
+def follow(plan: rbd.planning.Plan, terrain: rbd.Terrain, *hands: Any) -> None:
     """Simulated to the end."""
-    controller, feet = rbd.control.follow(plan), plan.robot.feet(friction=0.6, on=terrain)
+    controller, feet = rbd.control.follow(plan), [*plan.robot.feet(friction=0.6, on=terrain), *hands]
     T = plan.duration + 0.2
     run = rbd.simulate(plan.state(0.0), feet, duration=T, step=2e-3, controller=controller, progress=False)
     assert controller.log.violations == 0
@@ -123,7 +123,8 @@ def test_a_box_that_is_too_high(talos: rbd.Robot):
 def rail_of(robot: rbd.Robot) -> rbd.PointContact:
     """The left hand, which may touch the top of a rail beside it."""
     at = robot.standing().frame("gripper_left_base_link").X_WF.translation + [0.15, 0.02, -0.03]
-    rail = rbd.Terrain.boxes((tuple(at - [0.07, 0.07, 0.05]), tuple(at + [0.45, 0.06, 0.0])))
+    low, high = at - [0.07, 0.07, 0.05], at + [0.45, 0.06, 0.0]
+    rail = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), (tuple(low), tuple(high)))
     return rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rail)
 
 
@@ -152,6 +153,7 @@ def test_a_hand_on_a_rail_where_legs_are_too_weak(talos: rbd.Robot, exhaustive: 
     if exhaustive:
         plan = rbd.plan(weak, keys, "search", ground=terrain, hands=[hand], progress=False)
         assert plan.proved and plan.contacts.intervals("hand") and plan.torque_use <= 1.0
+        follow(plan, terrain, hand)
 
 
 def test_places_of_hands(talos: rbd.Robot):
