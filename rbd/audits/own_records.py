@@ -83,7 +83,7 @@ def from_trajectory(trajectory: Trajectory, contacts: Sequence[Constraint], *, e
         for name, force in trajectory.forces.items():
             rows = given[name].rows(state)
             if _is_judged(rows) and name in trajectory.points:
-                frames.add(given[name], rows, trajectory.point_forces[name][i])
+                frames.add(given[name], rows, trajectory.point_forces[name][i], tilted=True)
             elif rows.resultant is None:
                 known += rows.J.T @ force[i]
             else:
@@ -103,18 +103,20 @@ class _Frames:
             name: [] for name in ("contact_at", "contact_bodies", "points", "normals", "friction", "forces", "gaps")
         }
 
-    def add(self, constraint: Constraint, rows: Rows, forces: Array) -> None:
-        """The points of a contact, of the next frame."""
+    def add(self, constraint: Constraint, rows: Rows, forces: Array, *, tilted: bool = False) -> None:
+        """The points of a contact, of the next frame; of motions in which a sole may tilt, each with the ground's normal."""
         patch = rows.patch
         assert patch is not None
         there = np.flatnonzero(~np.isnan(forces).any(axis=1))
         axes, k = np.broadcast_to(patch.corner_axes, (len(forces), 3, 3))[there], len(there)
-        mu = patch.friction
+        mu, n = patch.friction, axes[:, :, 2]
+        if tilted and patch.turned is None and patch.on is not None and patch.on.normal is not None:
+            n = np.broadcast_to(np.asarray(patch.on.normal), (k, 3))
         gaps = np.full(k, np.nan) if patch.gaps is None else patch.gaps[there]
         values = {
             "contact_at": np.full(k, len(self.states)),
             "contact_bodies": np.array([[getattr(constraint, "frame", ""), patch.against or WORLD]] * k).reshape(k, 2),
-            "points": patch.corners_W[there], "normals": axes[:, :, 2],
+            "points": patch.corners_W[there], "normals": n,
             "friction": np.full(k, float(mu) if isinstance(mu, float | int) else np.nan), "forces": forces[there], "gaps": gaps,
         }  # fmt: skip
         for name, x in values.items():

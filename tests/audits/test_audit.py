@@ -6,11 +6,12 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from audit_scenes import FAULTS, consistent, falling, loaded, reversed_friction, robot, scenes, sliding, standing
 
 import rbd
-from rbd.audits import Record, Thresholds, audit
+from rbd.audits import Record, Thresholds, audit, from_trajectory
 
 SCENES = dict(scenes())
 
@@ -94,6 +95,18 @@ class TestExactAnswers:
         record = falling()
         report = audit(record)
         assert report.ok and report.obeys == "coulomb" and report.energy_made < 0.01 * report.energy_taken
+
+    def test_a_body_that_tips_has_the_normals_of_its_ground(self):
+        """A tall box that is pushed over slides and turns about an edge; its face is no longer level."""
+        box = rbd.testing.box(mass=10.0, size=(0.2, 0.2, 0.8))
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.4]))
+        face = rbd.SurfaceContact("face", "box", half_lengths=(0.1, 0.1), placement=place, friction=0.4, on=0.0)
+        push = rbd.ExternalForce("box", (35.0, 0.0, 0.0), offset=(0.0, 0.0, 0.1))
+        start = rbd.State(box, [0, 0, 0.4, 0, 0, 0, 1])
+        run = rbd.simulate(start, [face], duration=0.6, step=2e-3, external=push, progress=False)
+        record = from_trajectory(run, [face], external=push)
+        assert abs(2.0 * run.q[-1, 4]) > 0.2 and (record.normals == [0.0, 0.0, 1.0]).all()
+        assert audit(record).ok
 
     def test_the_law_gives_the_same_answer(self):
         """`rbd.solve`, from the record alone."""
