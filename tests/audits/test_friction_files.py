@@ -169,6 +169,19 @@ class TestHdf5:
                 read(tmp_path / "b.hdf5")
 
 
+    def test_a_byte_that_is_wrong_is_refused_or_harmless(self, tmp_path):
+        """An error of ours, or a problem with finite numbers: HDF5's own errors stay inside."""
+        whole = hdf5(tmp_path / "a.hdf5").read_bytes()
+        refused = 0
+        for at in range(8, len(whole), 97):
+            (tmp_path / "b.hdf5").write_bytes(whole[:at] + b"\xff" + whole[at + 1 :])
+            try:
+                assert np.isfinite(read(tmp_path / "b.hdf5").free).all()
+            except rbd.InputError:
+                refused += 1
+        assert refused > 2
+
+
 class TestWriting:
     """Both forms, read again."""
 

@@ -54,7 +54,7 @@ def read(path: str | os.PathLike[str]) -> FrictionProblem:
         return _of_hdf5(path.name, data) if data.startswith(_SIGNATURE) else _of_text(path.name, data.decode("ascii"))
     except InputError:
         raise
-    except (OSError, RuntimeError, KeyError, ValueError) as error:  # of text that is no ASCII, and of HDF5's library
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError) as error:  # no ASCII; of HDF5's library
         raise InputError(f"{path.name} cannot be read: {error}.") from error
 
 
