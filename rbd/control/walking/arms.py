@@ -103,9 +103,13 @@ def given_arms(robot: CheckedModel, feet: Sequence[Any], start: Array, given: An
         InputError: what is neither, joints of legs or without a motor, angles beyond their limits.
         JointNotFound: with the nearest names.
     """
-    function = given if callable(given) else None
-    values = function(0.0) if function is not None else given
-    said = "what arms of Walk gives at 0 s" if callable(given) else "arms of Walk"
+    function, values, said = None, given, "arms of Walk"
+    if callable(given):
+        function, said = given, "what arms of Walk gives at 0 s"
+        try:
+            values = given(0.0)
+        except TypeError as error:
+            raise InputError(f"arms of Walk is {given!r:.80}, and no function of time: {error}.") from error
     expected = "True, False, {joint: angle [rad]}, or a function of time that gives these"
     check_kind(said, values, Mapping, expected)
     q = with_values(robot, start, values, argument=said)

@@ -284,7 +284,7 @@ class Balance(Walk):
                 return
             X = poses[best.foot]
             X = self._planner.floor.pose(best.foot, X.translation, math.atan2(X.rotation[1, 0], X.rotation[0, 0]))
-            s = self._planner.way(best.foot, X, self._foothold(best, X), t, best.T)
+            s = replace(self._planner.way(best.foot, X, self._foothold(best, X), t, best.T), heel=None)
             if not self._planner.floor.uneven:
                 s = replace(s, forward=(0.0, 1.0))
         else:
