@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 
 from rbd.arrays import check_number
 from rbd.displayed import Displayed
 
-CAUSES = {
+CAUSES = MappingProxyType({
     "balance": ("N", "M a + h = S^T tau + J^T f does not hold: this force is missing"),
     "outside the cone": ("N", "friction is larger than mu times the normal force"),
     "pulls": ("N", "the normal force is negative"),
@@ -17,7 +18,7 @@ CAUSES = {
     "friction not opposed": ("degrees", "friction is not opposite to the sliding"),
     "sinks": ("m", "the surfaces are inside each other"),
     "makes energy": ("W", "the contact does positive work"),
-}
+})
 """{cause: (unit of its size, what it is)}, in the order of `AuditReport.sizes`."""
 
 

@@ -281,7 +281,7 @@ class CannotReach(NoSolution):
         ...     rbd.find_pose(solo, {"FL_FOOT": (5.0, 0.0, 0.0), "FR_FOOT": (0.0, 0.0, 0.0)})
         ... except rbd.errors.CannotReach as error:
         ...     print(f"{error.proof.apart:.1f} m apart, of links of {error.proof.longest:.2f} m; without {error.without}")
-        5.0 m apart, of links of 1.10 m; without ('FL_FOOT', 'FR_FOOT')
+        5.0 m apart, of links of 0.85 m; without ('FL_FOOT', 'FR_FOOT')
     """
 
     reason = Reason.CANNOT_REACH

@@ -7,8 +7,9 @@ and Clarabel's law is the convex one, in which points that slide also lift: `Fri
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -93,7 +94,7 @@ def _mujoco(P: FrictionProblem) -> Array:
     return np.array(data.efc_force)
 
 
-SOLVERS: dict[str, Callable[[FrictionProblem], Array]] = {
+SOLVERS: Mapping[str, Callable[[FrictionProblem], Array]] = MappingProxyType({
     "rbd, sparse Newton": _sparse_newton,
     "rbd, default solver": _default,
     "Pinocchio, ADMM": _admm,
@@ -101,7 +102,7 @@ SOLVERS: dict[str, Callable[[FrictionProblem], Array]] = {
     "ProxSuite, pyramids of 4 facets": _pyramids,
     "Clarabel, convex law": _clarabel,
     "MuJoCo, PGS, convex law": _mujoco,
-}
+})  # fmt: skip
 """{name: function of a problem that gives its forces, shape (k dim,)}."""
 
 
