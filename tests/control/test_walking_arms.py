@@ -59,7 +59,7 @@ def test_arms_swing_against_the_legs(talos: rbd.Robot) -> None:
 
 
 def test_arms_are_held_clear(talos: rbd.Robot) -> None:
-    """From a posture with a hand at the hip they are held aside until they are 2 cm from everything; else not at all."""
+    """From a posture with a hand at the hip they are held aside until they are 3 cm from everything; else not at all."""
     state, feet = talos.standing(), talos.feet()
     arms = HeldArms(talos, state.q, state.q, arms_of(state, feet, 0.0, float(state.com[2])))
     assert np.array_equal(arms.clear_in([state.q], [0.0]).q, state.q)
@@ -67,9 +67,9 @@ def test_arms_are_held_clear(talos: rbd.Robot) -> None:
     close = HeldArms(talos, near, near, arms.arms)
     pairs = close._pairs()
     gaps = close._gaps(near, pairs)
-    assert 0.0 < gaps.min() < 0.02
+    assert 0.0 < gaps.min() < 0.03
     held = close.clear_in([near], [0.0])
-    assert held._gaps(held.q, pairs).min() > 0.02
+    assert held._gaps(held.q, pairs).min() > 0.03
     moved = talos.joints["arm_left_2_joint"].q
     assert held.q[moved] > near[moved]
 

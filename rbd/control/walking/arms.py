@@ -24,7 +24,7 @@ JOINTS, BESIDE = 3, 0.05
 """An arm has at least so many motors, and no joint nearer to the robot's middle than this, over h."""
 STOPS = 0.1
 """Arms swing at most up to this before the limits of their joints [rad]."""
-CLEAR = 0.02
+CLEAR = 0.03
 """Arms are held aside until they are so far from legs and trunk in poses of the plan [m] ..."""
 ASIDE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 """... by one of these angles [rad]."""

@@ -80,7 +80,7 @@ class Walk(Displayed):
     So pushes are taken up by steps.
 
     Arms swing against the legs, a hand by 0.4 of how far the foot of the other side is before its own, held aside by as little
-    as keeps them 2 cm from legs and trunk in poses of the plan.
+    as keeps them 3 cm from legs and trunk in poses of the plan.
 
     Not considered: collisions of legs, but for the least distance of two feet; limits of joints and torques in the plan, which
     the controller keeps as well as it can (`log`).
