@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -142,8 +144,6 @@ class TestLaunchedBox:
 
     def test_the_table_of_the_docs(self, launched):
         """`docs/reference/audit.md` has these figures."""
-        from pathlib import Path
-
         text = (Path(__file__).parents[2] / "docs/reference/audit.md").read_text(encoding="utf-8")
         rows = {cells[0]: cells for line in text.splitlines() if (cells := [x.strip() for x in line.strip("| ").split("|")])}
         for way, record in launched.items():
@@ -250,3 +250,34 @@ def test_friction_of_another_coefficient_is_judged():
     record = by_mujoco("elliptic").some(range(80))
     assert not audit(record).of_cause("outside the cone").any()
     assert audit(record, friction=0.5 * FRICTION).of_cause("outside the cone").any()
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_the_lines_for_newton(tmp_path, monkeypatch, exhaustive):
+    """Those of the docs, on a CPU; where Newton is installed, as its kernels compile for minutes."""
+    if not exhaustive:
+        pytest.skip("an exhaustive test")
+    newton, wp = pytest.importorskip("newton"), pytest.importorskip("warp")
+    monkeypatch.chdir(tmp_path)
+    builder = newton.ModelBuilder()
+    builder.default_shape_cfg.mu = FRICTION
+    builder.add_shape_box(
+        builder.add_body(xform=wp.transform((0, 0, HALF), wp.quat_identity()), label="box"), hx=HALF, hy=HALF, hz=HALF
+    )
+    builder.add_ground_plane()
+    model = builder.finalize(device="cpu")
+    model.request_contact_attributes("force")
+    solver = newton.solvers.SolverMuJoCo(model)
+    state, after = model.state(), model.state()
+    speed = state.joint_qd.numpy().copy()
+    speed[0] = 6.0
+    state.joint_qd.assign(speed)
+    newton.eval_fk(model, state.joint_q, state.joint_qd, state)
+    contacts = newton.Contacts(solver.get_max_contact_count(), 0, device="cpu", requested_attributes={"force"})
+    names = ("t", "q", "v", "v_next", *(f"contact_{x}" for x in ("at", "body", "point", "normal", "force")))
+    text = (Path(__file__).parents[2] / "docs/reference/audit.md").read_text(encoding="utf-8")
+    lines = text.partition("### Newton")[2].partition("```{code-block} python\n")[2].partition("```")[0]
+    given = {"solver": solver, "state": state, "after": after, "control": model.control(), "dt": 0.002, "mu": FRICTION}
+    exec(lines, given | {"model": model, "contacts": contacts, "wp": wp, "np": np, "rows": {name: [] for name in names}})
+    report = audit(rbd.audits.Record.read("run.npz", rbd.testing.box(mass=1.0, size=(2 * HALF,) * 3)))
+    assert report.missing_scaled.max() < 1e-3 and report.of_cause("lifts").any()
