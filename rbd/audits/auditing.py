@@ -134,7 +134,7 @@ def _explained(record: Record, missing: Array, sizes: Array, scale: Array, limit
         one = wrong_point(record, frame, missing[frame], scale)
         if one is None:
             continue
-        key = (*record.contact_bodies[one.point].tolist(), one.point - int(record.starts[frame]))
+        key = (*record.contact_bodies[one.point].tolist(), record.of_frame(frame).index(one.point))
         first = found.setdefault(key, one)
         if first is not one:
             found[key] = Explanation(first.text, (*first.frames, frame), first.point, first.force)

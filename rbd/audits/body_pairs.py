@@ -50,8 +50,8 @@ class BodyPairs:
 
     def on(self, record: Record, frame: int, pair: int) -> Array:
         """Numbers of the points of a pair in a frame."""
-        first, last = record.starts[frame : frame + 2].tolist()
-        return first + np.flatnonzero(self.of[first:last] == pair)
+        points = record.of_frame(frame)
+        return points.start + np.flatnonzero(self.of[points.start : points.stop] == pair)
 
     def centre(self, record: Record, frame: int, pair: int) -> Array:
         """Centre of pressure of a pair in a frame, in W, shape (3,) [m]; NaN where it does not push."""

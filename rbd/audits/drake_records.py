@@ -146,13 +146,13 @@ def from_drake(plant: Any, context: Any, *, robot: CheckedModel | None = None) -
         joint = plant.get_joint(i)
         if joint.num_velocities() == 1 and hasattr(joint, "default_damping"):
             damping[own.columns[1][joint.velocity_start()]] = joint.default_damping()
-    B, (at_q, at_v) = plant.MakeActuationMatrix(), own.columns
+    B, (at_q, at_v), work = plant.MakeActuationMatrix(), own.columns, plant.CreateDefaultContext()
     for frame, each in enumerate(contexts):
         q_now, v_now = np.array(plant.GetPositions(each)), np.array(plant.GetVelocities(each))
         rate = np.array(plant.get_generalized_acceleration_output_port().Eval(each))
         after = v_now
         if sampled:
-            q_now, v_now = _before(plant, each, q_now, v_now, h), v_now - h * rate
+            q_now, v_now = _before(plant, work, q_now, v_now, h), v_now - h * rate
         else:
             after = v_now + h * rate
         t[frame], q[frame, at_q], v[frame, at_v], a[frame, at_v] = each.get_time() - sampled * h, q_now, v_now, rate
@@ -170,9 +170,9 @@ def from_drake(plant: Any, context: Any, *, robot: CheckedModel | None = None) -
     return record if robot is None else record.on(robot)
 
 
-def _before(plant: Any, context: Any, q: Array, v: Array, h: float) -> Array:
+def _before(plant: Any, work: Any, q: Array, v: Array, h: float) -> Array:
     """The positions before a step: q = before + h N(before) v, by fixed points, as N changes little."""
-    before, work = q, plant.CreateDefaultContext()
+    before = q
     for _ in range(20):
         plant.SetPositions(work, before)
         last, before = before, q - h * plant.MapVelocityToQDot(work, v)

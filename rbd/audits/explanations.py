@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.audits.kinematics import balance_of, jacobian_at
+from rbd.audits.kinematics import balance_of, jacobians
 from rbd.audits.record import Record, to_body_axes, unit_of
 from rbd.displayed import Displayed
 
 LEFT = 0.01
 """Share of a missing force that may be left where something explains it."""
 TRIED = 8
-"""Frames that conventions are tried on: so many with the most missing, and as many spread over the motion."""
+"""Conventions are tried on the eight frames that miss most, and on eight others spread evenly over the motion."""
 _ALIKE, _PARALLEL = 0.02, 0.99999
 
 
@@ -56,18 +56,20 @@ def wrong_point(record: Record, frame: int, missing: Array, scale: Array) -> Exp
         missing: Shape (nv,).
         scale: What it is measured in, shape (nv,).
     """
-    best, size = None, LEFT * float(np.linalg.norm(missing / scale))
-    for i in range(int(record.starts[frame]), int(record.starts[frame + 1])):
-        A = jacobian_at(record, i).T / scale[:, None]
-        change = np.linalg.lstsq(A, missing / scale, rcond=1e-9)[0]
-        left = float(np.linalg.norm(A @ change - missing / scale))
+    points, best = record.of_frame(frame), None
+    size, b = LEFT * float(np.linalg.norm(missing / scale)), missing / scale
+    for j, J in enumerate(jacobians(record, frame)):
+        A = J.T / scale[:, None]
+        change = np.linalg.lstsq(A, b, rcond=1e-9)[0]
+        left = float(np.linalg.norm(A @ change - b))
         if left < size:
-            best, size = (i, change), left
+            best, size = (j, change), left
     if best is None:
         return None
-    i, change = best
+    j, change = best
+    i = points[j]
     f, right = record.forces[i], record.forces[i] + change
-    text = f"the force at {record.pair(i)}, point {i - int(record.starts[frame])}, {_fault(f, right, record.normals[i])}"
+    text = f"the force at {record.pair(i)}, point {j}, {_fault(f, right, record.normals[i])}"
     return Explanation(text, (frame,), i, tuple(right.tolist()))
 
 

@@ -53,14 +53,14 @@ def balance_of(record: Record) -> Balance:
     return Balance(missing, u, w)
 
 
-def jacobian_at(record: Record, i: int) -> Array:
-    """Jacobian of the relative velocity at a contact point, shape (3, nv); its transpose maps the point's force."""
-    frame = int(record.contact_at[i])
-    motion = _Bodies.of(record, frame, frame + 1)
-    p, carried = record.points[i], carriers(record.robot)
-    J = motion.J[0, :3] + np.cross(motion.J[0, 3:], p, axis=0)  # v + w x p
-    first, second = record.joints[record.contact_bodies[i]]
-    return np.asarray(J * carried[first] - J * carried[second])
+def jacobians(record: Record, frame: int) -> Array:
+    """Jacobians of the relative velocities at the points of a frame, shape (k, 3, nv); their transposes map the forces."""
+    points = record.of_frame(frame)
+    motion, carried = _Bodies.of(record, frame, frame + 1), carriers(record.robot).astype(float)
+    first, second = record.joints[record.contact_bodies[points]].T
+    linear, angular = motion.J[0, :3], motion.J[0, 3:]
+    J = linear + np.cross(angular[None], record.points[points][:, :, None], axis=1)  # v + w x p
+    return np.asarray(J * (carried[first] - carried[second])[:, None])
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -247,8 +247,7 @@ class Record(Displayed):
             object.__setattr__(self, name, locked(at))
             if name == "contact_at" and len(at) and (np.diff(at) < 0).any():
                 raise InputError("contact_at goes back; expected the points in the order of the frames.")
-        for name, size in (("contact_bodies", 2), ("push_bodies", 0)):
-            count = (k, 2) if size else (p,)
+        for name, count in (("contact_bodies", (k, 2)), ("push_bodies", (p,))):
             numbers = np.asarray(getattr(self, name), int)
             if numbers.shape != count or numbers.size and not 0 <= numbers.min() <= numbers.max() < len(self.bodies):
                 raise InputError(f"{name} has shape {numbers.shape}; expected {count}, numbers of bodies.")
@@ -283,6 +282,10 @@ class Record(Displayed):
         """Where the points of each frame begin among the k, and k at the end, shape (n + 1,)."""
         return np.searchsorted(self.contact_at, np.arange(self.n + 1))
 
+    def of_frame(self, frame: int) -> range:
+        """Numbers of the points of a frame."""
+        return range(int(self.starts[frame]), int(self.starts[frame + 1]))
+
     def pair(self, i: int) -> str:
         """The two bodies of a contact point, in words."""
         first, second = (self.bodies[b] for b in self.contact_bodies[i])
@@ -293,17 +296,13 @@ class Record(Displayed):
         chosen = np.asarray(frames, int)
         new = np.full(self.n, -1)
         new[chosen] = np.arange(len(chosen))
-        fields = dict(vars(self))
-        for name in ("bodies", "joints", "starts"):
-            fields.pop(name, None)
-        for name in ("t", "q", "v", "a", "step", "tau"):
-            fields[name] = fields[name][chosen]
+        fields = {name: getattr(self, name)[chosen] for name in ("t", "q", "v", "a", "step", "tau")}
         for at, names in (("contact_at", (*_CONTACT, "contact_bodies")), ("push_at", (*_PUSH, "push_bodies"))):
-            number = new[fields[at]]
+            number = new[getattr(self, at)]
             order = np.argsort(number, kind="stable")
             kept = order[number[order] >= 0]
-            fields |= {name: fields[name][kept] for name in names} | {at: number[kept]}
-        return Record(**fields)
+            fields |= {name: getattr(self, name)[kept] for name in names} | {at: number[kept]}
+        return replace(self, **fields)
 
     def on(self, robot: CheckedModel) -> Record:
         """The same motion on another model of the robot, by the names of its joints and bodies.

@@ -9,20 +9,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rbd.answers.least_constraint import solve
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, check_whole, largest_first, lazy, null_space, range_of
 from rbd.audits.causes import CAUSES, Thresholds
 from rbd.audits.explanations import Explanation
-from rbd.audits.kinematics import jacobian_at
+from rbd.audits.kinematics import jacobians
 from rbd.audits.point_laws import PointLaws
-from rbd.audits.record import WORLD, Record
+from rbd.audits.record import WORLD, Record, unit_of
 from rbd.audits.softness import Softness, softness_of
 from rbd.constraints.contact import PointContact
+from rbd.constraints.surface import contact_axes
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, RbdError
 from rbd.errors.inputs import check_known
+from rbd.model.external import ExternalForce, generalised
 from rbd.model.state import State
 from rbd.problem.cones import project_cones
 from rbd.problem.conic import Conic, Unknowns
@@ -105,20 +108,23 @@ class AuditReport(Displayed):
         """Whether there is no cause in any frame."""
         return not self.sizes.any()
 
-    def of_cause(self, cause: str) -> Array:
-        """In which frames a cause is, shape (n,), bool.
+    def sizes_of(self, cause: str) -> Array:
+        """Size of a cause in each frame, shape (n,), in its unit of `CAUSES`; zero where there is none.
 
         Raises:
             InputError: no such cause; the nearest are named.
         """
-        check_known("no cause", cause, [*CAUSES])
-        return np.asarray(self.sizes[:, [*CAUSES].index(cause)] > 0.0)
+        check_known("no cause", cause, CAUSES)
+        return np.asarray(self.sizes[:, [*CAUSES].index(cause)])
+
+    def of_cause(self, cause: str) -> Array:
+        """In which frames a cause is, shape (n,), bool; errors as `sizes_of`."""
+        return np.asarray(self.sizes_of(cause) > 0.0)
 
     def worst(self, cause: str, count: int = 5) -> Array:
-        """Frames in which a cause is largest, the worst first."""
-        number = check_whole("count", count)
-        sizes = np.where(self.of_cause(cause), self.sizes[:, [*CAUSES].index(cause)], 0.0)
-        order = largest_first(sizes)[:number]
+        """Frames in which a cause is largest, the worst first; errors as `sizes_of`."""
+        sizes = self.sizes_of(cause)
+        order = largest_first(sizes)[: check_whole("count", count)]
         return np.asarray(order[sizes[order] > 0.0])
 
     @property
@@ -169,16 +175,18 @@ class AuditReport(Displayed):
         return self._work(-1.0)
 
     @lazy
-    def impulse_missing(self) -> Array:
-        """Sum over time of the force that is missing on the first free body, in W, shape (3,) [N s]; zero without one."""
+    def force_missing(self) -> Array:
+        """The force that is missing on the first free body, in W, shape (n, 3) [N]; zero without one."""
         piece = next((piece for piece in self.record.robot.joints.pieces if piece.kind == "space"), None)
         if piece is None:
-            return np.zeros(3)
-        from scipy.spatial.transform import Rotation  # a tenth of a second
+            return np.zeros((self.record.n, 3))
+        turned = Rotation.from_quat(self.record.q[:, unit_of(piece)])
+        return np.asarray(turned.apply(self.missing[:, piece.v : piece.v + 3]))
 
-        q = self.record.q[:, piece.q + 3 : piece.q + 7]
-        force = Rotation.from_quat(q).apply(self.missing[:, piece.v : piece.v + 3])
-        return np.asarray((force * self._durations[:, None]).sum(axis=0))
+    @property
+    def impulse_missing(self) -> Array:
+        """Its sum over time, shape (3,) [N s]: momentum that no force accounts for."""
+        return np.asarray((self.force_missing * self._durations[:, None]).sum(axis=0))
 
     @lazy
     def softness(self) -> tuple[Softness, ...]:
@@ -188,8 +196,7 @@ class AuditReport(Displayed):
     def loose(self, frame: int) -> int:
         """How many numbers of a frame's contact forces its motion leaves open: 3 k less the rank of their Jacobians."""
         points = self._points(frame)
-        J = np.vstack([jacobian_at(self.record, i) for i in points] or [np.zeros((0, self.record.robot.nv))])
-        return null_space(J.T).shape[1] if len(J) else 0
+        return null_space(np.vstack(list(jacobians(self.record, frame))).T).shape[1] if points else 0
 
     def ranges(self, frame: int) -> Array:
         """Smallest and largest normal force at each point of a frame, shape (k, 2) [N], of all forces with the same motion.
@@ -205,10 +212,8 @@ class AuditReport(Displayed):
         if not points or (self.laws.outside[points] > self.thresholds.cone * self.force_scale).any():
             return out
         mu, n = self._known_friction(frame), self.record.normals[points]
-        tangent = np.cross(n, np.where(np.abs(n[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
-        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
-        axes = np.stack([tangent, np.cross(n, tangent), n], axis=1)  # rows
-        A = np.hstack([(axes[j] @ jacobian_at(self.record, i)).T for j, i in enumerate(points)])
+        axes = np.array([contact_axes(each).T for each in n])  # rows: tangent, tangent, normal
+        A = (axes @ jacobians(self.record, frame)).reshape(3 * k, -1).T
         A = range_of(A).T @ A
         x = project_cones(np.einsum("kij,kj->ki", axes, self.record.forces[points]) / self.force_scale, mu)
         rough, normal = np.repeat(mu > 0.0, 3), np.arange(3 * k) % 3 == 2
@@ -231,7 +236,7 @@ class AuditReport(Displayed):
 
     def _points(self, frame: int) -> range:
         number = check_whole("frame", frame, self.record.n - 1, least=0)
-        return range(int(self.record.starts[number]), int(self.record.starts[number + 1]))
+        return self.record.of_frame(number)
 
     def answer(self, frame: int) -> Solution:
         """What `rbd.solve` gives in the state of a frame, with the record's known forces and contact points.
@@ -246,26 +251,26 @@ class AuditReport(Displayed):
             rbd.errors.ContactMoves: two bodies approach each other.
             rbd.NoSolution: as `rbd.solve`.
         """
-        record, contacts = self.record, []
+        record, points = self.record, self._points(frame)
         self._known_friction(frame)
         state = State(record.robot, record.q[frame], record.v[frame])
-        for j, i in enumerate(self._points(frame)):
-            contacts.append(self._contact(state, f"point {j}", i))
-        external = record.tau[frame] + self._pushes(state, frame)
+        speeds = np.einsum("ki,kiv,v->k", record.normals[points], jacobians(record, frame), state.v)
+        contacts = [
+            self._contact(state, f"point {j}", i, min(float(speed), 0.0))
+            for j, (i, speed) in enumerate(zip(points, speeds, strict=True))
+        ]
+        external = record.tau[frame] + generalised(state, self._pushes(state, frame))[0]
         return solve(state, None, contacts, law=self.law, external=external)
 
-    def _contact(self, state: State, name: str, i: int) -> PointContact:
+    def _contact(self, state: State, name: str, i: int, sinking: float) -> PointContact:
+        """A point of the record; what it sinks into moves with it at that speed."""
         record = self.record
         first, second = (record.bodies[b] for b in record.contact_bodies[i])
         n, p = record.normals[i], record.points[i]
-        X = state.frame(first).X_WF
-        offset = X.actInv(p)
-        on: Ground | Body
-        if second == WORLD:  # what gives way moves as the point does
-            sinking = min(float(n @ jacobian_at(record, i) @ record.v[record.contact_at[i]]), 0.0)
-            on = Ground(normal=n, point=p, velocity=sinking * n)
-        else:
+        on: Ground | Body = Ground(normal=n, point=p, velocity=sinking * n)
+        if second != WORLD:
             on = Body(second, normal=state.frame(second).X_WF.rotation.T @ n)
+        offset = state.frame(first).X_WF.actInv(p)
         return PointContact(name, first, offset=offset, friction=float(self.friction[i]), on=on)
 
     @lazy
@@ -282,16 +287,15 @@ class AuditReport(Displayed):
         pushes = [record.normals[i] @ forces[f"point {j}"] for j, i in enumerate(self._points(frame))]
         return frame, float(sums[frame]), float(sum(pushes))
 
-    def _pushes(self, state: State, frame: int) -> Array:
+    def _pushes(self, state: State, frame: int) -> list[ExternalForce]:
         record = self.record
-        out = np.zeros(record.robot.nv)
-        for i in np.flatnonzero(record.push_at == frame):
-            body, p = record.bodies[record.push_bodies[i]], record.push_points[i]
-            if body != WORLD:
-                at = state.frame(body)
-                arm = np.cross(p - at.X_WF.translation, record.push_forces[i]) + record.push_moments[i]
-                out += at.J[:3].T @ record.push_forces[i] + at.J[3:].T @ arm
-        return out
+        bodies = [record.bodies[b] for b in record.push_bodies]
+        return [
+            ExternalForce(bodies[i], record.push_forces[i], record.push_moments[i], offset=X.actInv(record.push_points[i]))
+            for i in np.flatnonzero(record.push_at == frame).tolist()
+            if bodies[i] != WORLD
+            for X in [state.frame(bodies[i]).X_WF]
+        ]
 
     def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
         """Write a page: the motion with both sets of forces, and a lane for each cause; see `rbd.visual.export_motion`."""
@@ -306,7 +310,7 @@ class AuditReport(Displayed):
         for cause in self.ranked:
             unit, meaning = CAUSES[cause]
             i = int(self.worst(cause, 1)[0])
-            size = self.sizes[i, [*CAUSES].index(cause)]
+            size = self.sizes_of(cause)[i]
             size, unit = (1e3 * size, f"m{unit}") if unit in ("m", "m/s") else (size, unit)
             frames = int(self.of_cause(cause).sum())
             told.append(f"{cause:<22}{frames:>8}{f'{size:.4g} {unit}':>14}  {f't = {record.t[i]:.4g} s':<14}{meaning}")

@@ -127,7 +127,7 @@ def _refused(way: Callable[[float], Refusable], factor: float) -> bool:
 
 
 def halved(refused: Callable[[float], bool], low: float, high: float, times: int) -> tuple[float, float]:
-    """(largest factor known to be refused, least known not to be): a range of logarithms is halved so many times."""
+    """(largest factor that is refused, least that is not), by bisection of its logarithm between low and high."""
     for _ in range(times):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if refused(float(np.exp(middle))) else (low, middle)

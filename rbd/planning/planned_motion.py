@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 SHARES, LOADED = (0.86, INNER), (0.25, 1e-3)
 """Shares of friction and of soles with which plans are sought; what points press with at least, first and at last."""
 SPARED, PER_SECOND = (0.03, 0.005), 100.0
-"""What is spared of friction and of soles at last, with so many knots a second; it changes with h^2, as bounds do."""
+"""Shares of friction and of soles that the last try leaves unused at 100 knots a second; they fall with the square of h."""
 RATES, FLIGHT_RATES = (50.0, 100.0), (300.0, 400.0)
 """Knots a second that are tried in turn; and where nothing stands for a time."""
 COM, FLYING_COM = 0.02, 0.005

@@ -39,7 +39,7 @@ UNLOADS = 0.15
 SETTLED, AGREES = 1e-6, 1e-4
 """Where the last step of a pass is shorter [m, rad], and the plan's centre of mass is so near to the poses' [m], both agree."""
 SHRINKS, MORE = 0.8, 20
-"""While a pass leaves less than this of the distance between them there are more passes, so many at most."""
+"""As long as a pass makes that distance smaller by a fifth or more, another one follows; 20 at most."""
 NEARER = LIMIT_ROOM - 2e-3
 """Where keyframes have joints so, they come nearer to their limits than elsewhere, by this at most [rad]: least squares leave a
 little. Keyframes at the ends are met exactly."""

@@ -29,7 +29,7 @@ _ROUNDS = 8
 _SWEEPS = 200
 _STARTS = 8
 _MOST_SWEEPS = 4000
-"""Sweeps alone go on where so many more, at the rate of the last ones, end; of a problem of at least `_SMALL` columns."""
+"""Of `_SMALL` columns or more: Newton's method is not called while 4,000 more sweeps, at their last rate, would do."""
 _SMALL = 1000
 _PROXIMAL = 1e-9
 _PROXIMAL_ROUNDS = 20

@@ -170,7 +170,7 @@ class FrictionProblem(Displayed):
 
     @lazy
     def gauss(self) -> GaussProblem:
-        """The same as a least-constraint problem, tangents first, for every solver of `rbd` under Coulomb's law.
+        """The same problem as a `GaussProblem`, normals last, for the solvers of `rbd` that take Coulomb's law.
 
         A local problem has M = 1 and the J of W = J J^T, whose condition is the root of W's. A contact in the plane gets a
         second tangent, along which nothing moves.

@@ -21,7 +21,7 @@ from rbd.model.state import State, with_values
 SWINGS, WIDEST = 0.4, 0.35
 """A hand swings by this share of how far the foot of the other side is before its own, at most by this angle [rad]."""
 JOINTS, BESIDE = 3, 0.05
-"""An arm has at least so many motors, and no joint nearer to the robot's middle than this, over h."""
+"""An arm has three motors or more, and all its joints are farther from the robot's middle plane than 0.05 h."""
 STOPS = 0.1
 """Arms swing at most up to this before the limits of their joints [rad]."""
 CLEAR = 0.03
@@ -65,9 +65,7 @@ def arms_of(state: State, feet: Sequence[Any], yaw: float, h: float) -> tuple[Ar
     """
     robot, model = state.robot, state.robot.model
     legs, n = leg_joints(robot, feet), model.njoints
-    trees: list[set[int]] = [{j} for j in range(n)]
-    for j in range(n - 1, 0, -1):
-        trees[model.parents[j]] |= trees[j]
+    trees = [set(map(int, below)) for below in model.subtrees]
     ahead, left = np.array([math.cos(yaw), math.sin(yaw), 0.0]), np.array([-math.sin(yaw), math.cos(yaw), 0.0])
     places = np.vstack([np.zeros((1, 3)), state.joint_places(range(1, n))[1]])
     middle = np.mean([state.frame(f.frame).X_WF.act(f.placement.translation) for f in feet], axis=0)
@@ -132,11 +130,8 @@ def leg_joints(robot: CheckedModel, feet: Sequence[Any]) -> set[int]:
     """Indices of the joints from the world to feet."""
     model, out = robot.model, set[int]()
     for foot in feet:
-        j = model.frames[model.getFrameId(foot.frame)].parentJoint
-        while j > 0:
-            out.add(int(j))
-            j = model.parents[j]
-    return out
+        out |= set(map(int, model.supports[model.frames[model.getFrameId(foot.frame)].parentJoint]))
+    return out - {0}
 
 
 def _side(over: Array) -> int:

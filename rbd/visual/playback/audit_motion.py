@@ -11,12 +11,10 @@ from typing import TypeAlias, cast
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from rbd.arrays import Array, largest_first, lazy
 from rbd.audits import CAUSES, AuditReport, EnginesCompared, Record
 from rbd.audits.body_pairs import BodyPairs
-from rbd.audits.record import WORLD, unit_of
 from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, rotated
@@ -275,7 +273,7 @@ def _codes(report: AuditReport) -> Array:
 def _row(report: AuditReport, cause: str) -> CardRow:
     color = distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) + [*CAUSES].index(cause)]
     i, (unit, meaning) = int(report.worst(cause, 1)[0]), CAUSES[cause]
-    size = float(report.sizes[i, [*CAUSES].index(cause)])
+    size = float(report.sizes_of(cause)[i])
     told = f"{1e3 * size:.4g} m{unit}" if unit in ("m", "m/s") else f"{size:.4g} {unit}"
     return CardRow(cause, color, str(int(report.of_cause(cause).sum())), told, float(report.record.t[i]), meaning)
 
@@ -327,11 +325,9 @@ def _others(report: AuditReport, every: Array) -> list[Track]:
         p[record.push_at[on], 0] = record.push_points[on]
         np.add.at(f[:, 0], record.push_at[on], record.push_forces[on])
         tracks.append(Track(f"push on {record.bodies[body]}", p[every], f[every], CONTACT_COLORS[6]))
-    piece = next((piece for piece in record.robot.joints.pieces if piece.kind == "space"), None)
-    if piece is not None and report.of_cause("balance").any():
+    if report.of_cause("balance").any() and report.force_missing.any():
         com = body_poses(record.robot, record.q, ())[1][:, None]
-        force = Rotation.from_quat(record.q[:, unit_of(piece)]).apply(report.missing[:, piece.v : piece.v + 3])
-        tracks.append(Track("missing force", com[every], force[every, None], WRENCH_COLOR))
+        tracks.append(Track("missing force", com[every], report.force_missing[every, None], WRENCH_COLOR))
     return tracks
 
 
@@ -407,7 +403,7 @@ class _Law:
         record, reasons = report.record, dict[int, str]()
         forces = np.zeros((len(record.contact_at), 3))
         for i in frames.tolist():
-            points = range(int(record.starts[i]), int(record.starts[i + 1]))
+            points = record.of_frame(i)
             try:
                 with warnings.catch_warnings(action="ignore"):
                     found = report.answer(i).corner_forces
@@ -416,8 +412,7 @@ class _Law:
             else:
                 for j, point in enumerate(points):
                     forces[point] = np.nan_to_num(found[f"point {j}"][0])
-        on_second = np.array([record.bodies[b] == WORLD for b in record.contact_bodies[:, 0]], bool)
-        return cls(frames, (pairs.signs * np.where(on_second, -1.0, 1.0))[:, None] * forces, reasons, record.n)
+        return cls(frames, pairs.signs[:, None] * forces, reasons, record.n)
 
     @lazy
     def _around(self) -> tuple[Array, Array]:
