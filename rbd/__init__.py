@@ -149,6 +149,7 @@ if _TYPE_CHECKING:
     from rbd.studies.samples import (
         grid as grid,
     )
+    from rbd.worlds.simulating import simulate_many as simulate_many
 
 __version__ = _VERSION
 
@@ -195,6 +196,7 @@ _NAMES = {
     "rbd.studies.draws": "sample",
     "rbd.studies.running": "study",
     "rbd.studies.samples": "grid",
+    "rbd.worlds.simulating": "simulate_many",
 }
 """Top-level names by module; the imports above are the same for type checkers."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

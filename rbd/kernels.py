@@ -17,6 +17,7 @@ from collections.abc import Callable
 from functools import cache, update_wrapper
 from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -57,13 +58,26 @@ def signature(result: Any, *arguments: Any) -> Any:
     return result, arguments
 
 
-def compiled(function: Callable[..., Any], types: Any = None) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], types: Any = None, *, unlocked: bool = False) -> Callable[..., Any]:
     """A function that is compiled after the first calls, and kept on disk; with a signature, compiled for these types alone.
 
     Without one it is compiled for the types of its arguments when they first come. Where neither the package's folder nor the
-    user's cache can be written, it is compiled anew in each process.
+    user's cache can be written, it is compiled anew in each process. One that is `unlocked` lets other threads of Python run.
     """
-    return Kernel(function, types) if in_use() else np.errstate(all="ignore")(function)
+    return Kernel(function, types, {"nogil": unlocked}) if in_use() else np.errstate(all="ignore")(function)
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that becomes a part of each kernel that calls it: for a few operations on tuples."""
+    return Kernel(function, None, {"forceinline": True}) if in_use() else function
+
+
+def before_compiling(teach: Callable[[], None]) -> None:
+    """Have Numba taught types of its own before anything is compiled."""
+    _teachers.append(teach)
+
+
+_teachers: list[Callable[[], None]] = []
 
 
 class _Process:
@@ -87,8 +101,8 @@ class _Process:
 class Kernel:
     """A function of numbers and arrays: Python until `prepare`, which puts Numba's in its place."""
 
-    def __init__(self, function: Callable[..., Any], types: Any) -> None:
-        self.function, self.types = function, types
+    def __init__(self, function: Callable[..., Any], types: Any, options: dict[str, bool]) -> None:
+        self.function, self.types, self.options = function, types, options
         self.made: Any = None
         update_wrapper(self, function)
         _kernels.append(self)
@@ -157,8 +171,8 @@ def modules() -> list[str]:
 
 def folders() -> list[str]:
     """Where compiled functions are kept; empty where they cannot be."""
-    made = [kernel.made for kernel in _kernels if kernel.made is not None and _Process.kept]
-    return sorted({str(each._cache.cache_path) for each in made})
+    made = [kernel for kernel in _kernels if kernel.made is not None and _Process.kept and "forceinline" not in kernel.options]
+    return sorted({str(each.made._cache.cache_path) for each in made})
 
 
 def warm_up() -> tuple[str, ...]:
@@ -186,6 +200,8 @@ def share(i: int, n: int) -> tuple[str, ...]:
 def _make(first: int = 0, step: int = 1) -> None:
     """Functions of Numba for those kernels that have none; and in their modules, so that they call each other directly."""
     waiting = [kernel for kernel in _kernels if kernel.made is None]
+    for teach in _teachers:
+        teach()
     for kernel in waiting:
         kernel.made = _dispatcher(kernel)
     for space in {id(kernel.function.__globals__): kernel.function.__globals__ for kernel in waiting}.values():
@@ -213,8 +229,10 @@ def _dispatcher(kernel: Kernel) -> Any:
     # A private one without a signature is called by kernels alone, and need not be callable from Python.
     made: Any = numba.njit(  # type: ignore[call-overload]
         kernel.function, error_model="numpy", no_cfunc_wrapper=True,
-        no_cpython_wrapper=kernel.types is None and kernel.function.__name__.startswith("_"),
+        no_cpython_wrapper=kernel.types is None and kernel.function.__name__.startswith("_"), **kernel.options,
     )  # fmt: skip
+    if kernel.options.get("forceinline"):
+        return made  # it is kept within those that call it
     try:
         made._cache = _store()(kernel)
     except RuntimeError as error:
@@ -271,11 +289,19 @@ def _content(kernel: Kernel) -> str:
 
     Those may be of other modules. Numba looks at its source alone, and would go on with the others as they were.
     """
-    space, known = kernel.function.__globals__, {id(other.made): other for other in _kernels if other.made is not None}
-    named = [space.get(name) for name in kernel.function.__code__.co_names]
-    called = [known.get(id(each), each) for each in named]
-    parts = [_source(kernel.function.__code__.co_filename), *(repr(each) for each in named if isinstance(each, int | float))]
-    parts += [_content(each) for each in called if isinstance(each, Kernel)]
+    known = {id(other.made): other for other in _kernels if other.made is not None}
+    reached, waiting, parts = {kernel}, [kernel], list[str]()
+    while waiting:  # names may be those of attributes, so that one seems to call itself
+        function = waiting.pop().function
+        parts.append(_source(function.__code__.co_filename))
+        named = [function.__globals__.get(name) for name in function.__code__.co_names]
+        parts += [repr(each) for each in named if isinstance(each, int | float)]
+        parts += [_source(each.__code__.co_filename) for each in named if isinstance(each, FunctionType)]
+        called = [known.get(id(each), each) for each in named]
+        for each in called:
+            if isinstance(each, Kernel) and each not in reached:
+                reached.add(each)
+                waiting.append(each)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

@@ -32,8 +32,8 @@ control
 simulation
 planar
 motion
-audits planning
-visual testing studies
+audits planning worlds
+envs visual testing studies
 cli
 __main__
 """

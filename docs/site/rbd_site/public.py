@@ -36,7 +36,7 @@ GROUPS = {
     """,
     "Torques": "hold inverse_dynamics Actuation",
     "Small motion": "linearise find_equilibrium find_steady_motion",
-    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
+    "Simulation": "simulate simulate_many Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
     "Motions": "Motion check_motion estimate_forces identify plan audit",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",

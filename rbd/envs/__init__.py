@@ -1,0 +1,1 @@
+"""Environments of Gymnasium over many worlds (extra `envs`)."""

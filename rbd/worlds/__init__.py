@@ -1,0 +1,13 @@
+"""Many worlds of one robot, stepped together: eight in the lanes of the processor's vectors, each step with its residual."""
+
+from functools import partial as _partial
+
+from rbd.modules import submodule as _submodule
+from rbd.worlds.simulating import simulate_many
+from rbd.worlds.stepping import Servo, WorldPushes, Worlds
+from rbd.worlds.trajectories import Trajectories
+
+__all__ = ["Servo", "Trajectories", "WorldPushes", "Worlds", "simulate_many"]
+
+
+__getattr__ = _partial(_submodule, __name__)

@@ -1,0 +1,621 @@
+"""Impulses of contact points and joints under the law, by Newton's method, for one world or eight.
+
+    find w in its sets,   y = Q'^T D Q w + c   paired with it:   w = P(w - y)
+
+Rows are those of *sites*: three of a body that touches at one point, six of one that touches at several, one of a joint; D is the
+sites' mobility J M^-1 J^T. Q w is a force and a moment about the site's point; w of a point is in the world's axes, in units in
+which its mobility is about one; Q' has the points' arms at the end of the step, as turned by then. With V the slope of P, M = (I - (1 - k) V)^-1 V and h = (I - (1 - k) V)^-1 (P - w), point by point:
+
+    (I + C^T Q M Q'^T C) g = C^T Q h,      dw = h - M Q'^T C g,      D = C C^T
+
+as in `rbd.solvers.newton_kernel`, of which this is the form without branches: worlds whose points stick, slip and are open at
+different times take the same steps, and what is solved stands still. D may be singular: a column of C without mobility is zero.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.kernels import compiled, inlined
+from rbd.solvers.law_kernel import forces
+from rbd.solvers.newton_kernel import Problem
+from rbd.worlds.lanes import Number, above, lane, lanes_of, largest, load, put_lane, root, spread, store
+from rbd.worlds.spatial_kernel import Three, cross, dot, minus, nine, plus, put, three, times, turned
+from rbd.worlds.tree_kernel import C as BIAS
+from rbd.worlds.tree_kernel import D, P, ROWS, R, S, U, Tree, base_lower
+
+BODY, SIZE, FIRST, MANY = range(4)
+"""Columns of a site's integers: its body, rows, first point (or single) and how many."""
+MOST, TRIES, EARLY, GROWS, AGAIN, OPEN = 32, 7, 3, 4.0, 8, 20
+"""Newton's steps; halvings of one; the first in which the sum of squares may grow, and how much; the steps before which worlds that
+are not solved begin again: with all points sticking, and with all open."""
+SOLVED = 1e-10
+"""Scaled natural residual at which a world stands still, over the largest scaled velocity."""
+FOUND = 1e-9
+"""That at which its answer is taken, if a further step has not halved it."""
+POINT = 30
+"""Rows of a point in `Law.point`."""
+ARM, NORMAL, OFFSET, MU, UNIT, IDLE, GAP, STICK, EDGE, SIDE, ACROSS, ALONG, FELT, SHIFT = (
+    0, 3, 6, 9, 10, 11, 12, 15, 16, 17, 18, 21, 24, 27
+)
+"""Where a point has what: its arm from the site's point, normal, velocity without impulses, friction, unit, whether it is out of
+reach, P(w - y) - w, whether it sticks, whether it slips, the share of its tangential force, directions across and along, its arm at the end of the step, and
+what was added to its velocity so that friction opposes that in the middle of the step."""
+DEPENDENT, TINY = 1e-13, 1e-300
+PROXIMAL = 1e-7
+"""Compliance in Newton's matrix."""
+
+
+class Sites(NamedTuple):
+    """What touches: bodies with points, and joints.
+
+    Attributes:
+        site: Integers, shape (s, 4).
+        place: The site's point in its body, shape (s, 3).
+        arm: Of each contact point in its body, shape (k, 3).
+        path: Joints that move each site, from its body to the root, one after the other.
+        path_start: Where those of a site begin, shape (s + 1,).
+        common: Joints that move both of two sites.
+        common_start: Where those of sites a and b <= a begin, at a (a + 1) / 2 + b, shape (s (s + 1) / 2 + 1,).
+        single: The joint's velocity index of each single row, shape (l,).
+    """
+
+    site: Array
+    place: Array
+    arm: Array
+    path: Array
+    path_start: Array
+    common: Array
+    common_start: Array
+    single: Array
+
+
+class Law(NamedTuple):
+    """Working memory of the contact problem: rows by lanes.
+
+    Attributes:
+        lift: S . F of each row and joint, shape (rows n,).
+        base: L^-1 F of each row at the base, shape (6 rows,).
+        mobility: D, shape (rows rows,).
+        factor: C, shape (rows rows,).
+        turned: Q M Q^T C, shape (rows rows,).
+        point: Of each point, shape (POINT k,).
+        single: Of each single: offset, lower and upper bound, unit, gap, slope, shape (8 l,).
+        w: Weights, shape (3 k + l,).
+        new: As w.
+        best: As w.
+        move: As w.
+        live: Whether a site may touch, shape (s,).
+        block: Q M Q^T of a site, shape (36,).
+        system: C^T Q M Q^T C + I, shape (rows rows,).
+        load: Q w, shape (rows,).
+        answer: D Q w, shape (rows,).
+        merit: least merit, merit, sum of squares, that before, step length and whether it is solved, scale, shape (8,).
+    """
+
+    lift: Array
+    base: Array
+    mobility: Array
+    factor: Array
+    turned: Array
+    point: Array
+    single: Array
+    w: Array
+    new: Array
+    best: Array
+    move: Array
+    live: Array
+    block: Array
+    system: Array
+    load: Array
+    answer: Array
+    merit: Array
+
+
+LEAST, MERIT, SQUARE, BEFORE, LENGTH, SCALE = range(6)
+
+
+@compiled
+def site_point(sites: Sites, s: int, work: Array) -> Three:
+    """A site's point from O."""
+    o, r = sites.site[s, BODY] * ROWS, sites.place[s]
+    one = spread(work, 1.0)
+    return plus(three(work, o + P), turned(nine(work, o + R), (one * r[0], one * r[1], one * r[2])))
+
+
+@compiled
+def mobility(tree: Tree, sites: Sites, active: Array, count: int, starts: Array, work: Array, base: Array, law: Law) -> int:
+    """Write what unit forces on the active sites do, and D; how many rows they have.
+
+    D is zero where a site is idle, lane by lane: so what one world does is not changed by sites that others need.
+    """
+    n, free, rows, zero, one = len(tree.parent), tree.free, 0, spread(work, 0.0), spread(work, 1.0)
+    for a in range(count):
+        s = active[a]
+        starts[a] = rows
+        b, size = sites.site[s, BODY], sites.site[s, SIZE]
+        o = b * ROWS
+        x = site_point(sites, s, work)
+        for e in range(size):
+            f, m = (zero, zero, zero), (zero, zero, zero)
+            i = rows + e
+            if size > 1:
+                unit = (one if e % 3 == 0 else zero, one if e % 3 == 1 else zero, one if e % 3 == 2 else zero)
+                if e < 3:
+                    f, m = unit, cross(x, unit)
+                else:
+                    m = unit
+            for k in range(sites.path_start[s], sites.path_start[s + 1]):
+                j = sites.path[k]
+                o = j * ROWS
+                u = dot(three(work, o + S), f) + dot(three(work, o + S + 3), m)
+                if size == 1 and j == b:
+                    u = u + one
+                store(law.lift, i * n + j, u)
+                t = u * load(work, o + D)
+                f = minus(f, times(t, three(work, o + U)))
+                m = minus(m, times(t, three(work, o + U + 3)))
+            if free:
+                f, m = base_lower(base, f, m)
+                put(law.base, 6 * i, f)
+                put(law.base, 6 * i + 3, m)
+        rows += size
+    for a in range(count):
+        s = active[a]
+        live = load(law.live, s)
+        for i in range(starts[a], starts[a] + sites.site[s, SIZE]):
+            f, m = (zero, zero, zero), (zero, zero, zero)
+            if free:
+                f = (load(law.base, 6 * i) * load(base, 0), load(law.base, 6 * i + 1) * load(base, 1), load(law.base, 6 * i + 2) * load(base, 2))
+                m = (load(law.base, 6 * i + 3) * load(base, 3), load(law.base, 6 * i + 4) * load(base, 4), load(law.base, 6 * i + 5) * load(base, 5))
+            for b in range(a + 1):
+                t = active[b]
+                high, low = max(s, t), min(s, t)
+                pair = high * (high + 1) // 2 + low
+                both = live * load(law.live, t)
+                for j in range(starts[b], min(starts[b] + sites.site[t, SIZE], i + 1)):
+                    x = zero
+                    if free:
+                        x = dot(f, three(law.base, 6 * j)) + dot(m, three(law.base, 6 * j + 3))
+                    for c in range(sites.common_start[pair], sites.common_start[pair + 1]):
+                        k = sites.common[c]
+                        x = x + load(law.lift, i * n + k) * load(law.lift, j * n + k) * load(work, k * ROWS + D)
+                    x = both * x
+                    store(law.mobility, i * rows + j, x)
+                    store(law.mobility, j * rows + i, x)
+    return rows
+
+
+@compiled
+def factor(law: Law, rows: int) -> None:
+    """Write C; a column is zero where its row depends on those before."""
+    zero = spread(law.w, 0.0)
+    for i in range(rows):
+        for j in range(i + 1):
+            x = load(law.mobility, i * rows + j)
+            for k in range(j):
+                x = x - load(law.factor, i * rows + k) * load(law.factor, j * rows + k)
+            if j < i:
+                store(law.factor, i * rows + j, x * load(law.factor, j * rows + j))
+            else:
+                enough = DEPENDENT * load(law.mobility, i * rows + i)
+                # The inverse of the pivot, for the rows below; then the pivot itself, from the loop after.
+                store(law.factor, i * rows + i, above(x, enough, 1.0 / root(above(x, enough, x, zero + 1.0)), zero))
+    for i in range(rows):
+        x = load(law.factor, i * rows + i)
+        store(law.factor, i * rows + i, above(x, zero, 1.0 / above(x, zero, x, zero + 1.0), zero))
+
+
+@compiled
+def evaluate(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, w: Array, law: Law) -> None:
+    """Write P(w - y) - w of all parts, their slopes, and the merit (largest entry) and sum of squares."""
+    zero, one, k3 = spread(w, 0.0), spread(w, 1.0), 3 * len(sites.arm)
+    loads(sites, active, count, starts, w, law)
+    for i in range(rows):
+        x = zero
+        for j in range(rows):
+            x = x + load(law.mobility, i * rows + j) * load(law.load, j)
+        store(law.answer, i, x)
+    top, square = zero, zero
+    for a in range(count):
+        s = active[a]
+        i, size = starts[a], sites.site[s, SIZE]
+        if size == 1:
+            for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+                q, unit = 8 * l, load(law.single, 8 * l + 3)
+                x = load(w, k3 + l)
+                p = x - unit * (load(law.single, q) + load(law.answer, i))
+                low, high = load(law.single, q + 1), load(law.single, q + 2)
+                inside = above(p, low, one, zero) * above(high, p, one, zero)
+                gap = above(p, high, high, above(low, p, low, p)) - x
+                store(law.single, q + 4, gap)
+                store(law.single, q + 5, inside)
+                size_of = above(gap, zero, gap, -gap)
+                top = above(size_of, top, size_of, top)
+                square = square + gap * gap
+            continue
+        turn = three(law.answer, i + 3) if size == 6 else (zero, zero, zero)
+        linear = three(law.answer, i)
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            q = POINT * c
+            n, mu, unit, x = three(law.point, q + NORMAL), load(law.point, q + MU), load(law.point, q + UNIT), three(w, 3 * c)
+            u = plus(three(law.point, q + OFFSET), plus(linear, cross(turn, three(law.point, q + FELT))))
+            p = minus(x, times(unit, u))
+            normal = dot(n, p)
+            along = minus(p, times(normal, n))
+            length = root(dot(along, along) + TINY)
+            e = times(1.0 / length, along)
+            open_ = above(normal, zero, zero, one) if coulomb else above(normal + mu * length, zero, zero, one)
+            touching = one - open_
+            if coulomb:
+                reach = mu * normal
+                slips = above(length, reach, touching, zero)
+                share = above(length, reach, reach / length, one)
+                pressed = normal
+            else:
+                slips = above(length, mu * normal, touching, zero)
+                pressed = above(length, mu * normal, (normal + mu * length) / (1.0 + mu * mu), normal)
+                share = above(length, mu * normal, mu * pressed / length, one)
+            # P: the normal part `pressed` and the share of the tangent one; open points have none
+            gap = minus(times(touching, plus(times(pressed, n), times(share, along))), x)
+            idle = load(law.point, q + IDLE)
+            gap = times(1.0 - idle, gap)
+            put(law.point, q + GAP, gap)
+            live = 1.0 - idle
+            store(law.point, q + STICK, live * (touching - slips))
+            store(law.point, q + EDGE, live * slips)
+            store(law.point, q + SIDE, share)
+            put(law.point, q + ACROSS, cross(n, e))
+            put(law.point, q + ALONG, e)
+            for r in range(3):
+                size_of = above(gap[r], zero, gap[r], -gap[r])
+                top = above(size_of, top, size_of, top)
+                square = square + gap[r] * gap[r]
+    store(law.merit, MERIT, top)
+    store(law.merit, SQUARE, square)
+
+
+@compiled
+def loads(sites: Sites, active: Array, count: int, starts: Array, w: Array, law: Law) -> None:
+    """Write Q w."""
+    zero, k3 = spread(w, 0.0), 3 * len(sites.arm)
+    for a in range(count):
+        s = active[a]
+        i, size = starts[a], sites.site[s, SIZE]
+        if size == 1:
+            x = zero
+            for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+                x = x + load(law.single, 8 * l + 3) * load(w, k3 + l)
+            store(law.load, i, x)
+            continue
+        f, m = (zero, zero, zero), (zero, zero, zero)
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            x = times(load(law.point, POINT * c + UNIT), three(w, 3 * c))
+            f, m = plus(f, x), plus(m, cross(three(law.point, POINT * c + ARM), x))
+        put(law.load, i, f)
+        if size == 6:
+            put(law.load, i + 3, m)
+
+
+@inlined
+def eased(law: Law, q: int, coulomb: bool, x: Three) -> Three:
+    """M x of a point: what its weights change by for accelerations -x."""
+    n, e, s, mu = three(law.point, q + NORMAL), three(law.point, q + ALONG), three(law.point, q + ACROSS), load(law.point, q + MU)
+    stick, slip, share = load(law.point, q + STICK), load(law.point, q + EDGE), load(law.point, q + SIDE)
+    edge = plus(times(mu, e), n)
+    met = dot(n, x) if coulomb else dot(edge, x) / (1.0 + mu * mu)
+    side = slip * share / (1.0 - (1.0 - PROXIMAL) * share * slip) * dot(s, x)
+    return plus(times(stick * (1.0 / PROXIMAL), x), plus(times(slip * (1.0 / PROXIMAL) * met, edge), times(side, s)))
+
+
+@inlined
+def gap_eased(law: Law, q: int, coulomb: bool) -> Three:
+    """h of a point."""
+    n, e, s, mu = three(law.point, q + NORMAL), three(law.point, q + ALONG), three(law.point, q + ACROSS), load(law.point, q + MU)
+    stick, slip, share, gap = load(law.point, q + STICK), load(law.point, q + EDGE), load(law.point, q + SIDE), three(law.point, q + GAP)
+    edge = plus(times(mu, e), n)
+    met = dot(n, gap) if coulomb else dot(edge, gap) / (1.0 + mu * mu)
+    more, turned_by = (1.0 - PROXIMAL) / PROXIMAL, (1.0 - PROXIMAL) * share * slip
+    return plus(
+        times(1.0 + stick * more, gap),
+        plus(times(slip * more * met, edge), times(slip * turned_by / (1.0 - turned_by) * dot(s, gap), s)),
+    )
+
+
+@compiled
+def newton_step(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, law: Law) -> None:
+    """Write Newton's step into `law.move`."""
+    zero, one, k3, B, T = spread(law.w, 0.0), spread(law.w, 1.0), 3 * len(sites.arm), law.block, law.turned
+    for a in range(count):
+        s = active[a]
+        i, size = starts[a], sites.site[s, SIZE]
+        end = i + size
+        if size == 1:
+            for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+                inside = load(law.single, 8 * l + 5)
+                store(law.move, k3 + l, load(law.single, 8 * l + 4) * (1.0 + inside * ((1.0 - PROXIMAL) / PROXIMAL)))
+            weight = zero
+            for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+                unit = load(law.single, 8 * l + 3)
+                weight = weight + load(law.single, 8 * l + 5) * unit * unit * (1.0 / PROXIMAL)
+            for j in range(rows):
+                store(T, i * rows + j, weight * load(law.factor, i * rows + j) if j < end else zero)
+            continue
+        for r in range(36):
+            store(B, r, zero)
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            q = POINT * c
+            put(law.move, 3 * c, gap_eased(law, q, coulomb))
+            unit = load(law.point, q + UNIT)
+            square, r, felt = unit * unit, three(law.point, q + ARM), three(law.point, q + FELT)
+            for j in range(3):
+                unit_j = (one if j == 0 else zero, one if j == 1 else zero, one if j == 2 else zero)
+                x = times(square, eased(law, q, coulomb, unit_j))
+                put_column(B, j, x)
+                if size == 6:
+                    put_column(B, 18 + j, cross(r, x))
+            if size == 6:
+                for j in range(3):  # -M [felt]x: columns of the turning
+                    unit_j = (one if j == 0 else zero, one if j == 1 else zero, one if j == 2 else zero)
+                    x = times(square, eased(law, q, coulomb, cross(unit_j, felt)))
+                    put_column(B, 3 + j, x)
+                    put_column(B, 21 + j, cross(r, x))
+        for e in range(size):
+            for j in range(rows):
+                x = zero
+                if j < end:
+                    for d in range(max(0, j - i), size):
+                        x = x + load(B, 6 * e + d) * load(law.factor, (i + d) * rows + j)
+                store(T, (i + e) * rows + j, x)
+    loads(sites, active, count, starts, law.move, law)
+    A, z = law.system, law.answer
+    for i in range(rows):
+        x = zero
+        for k in range(i, rows):
+            x = x + load(law.factor, k * rows + i) * load(law.load, k)
+        store(z, i, x)
+        for j in range(rows):
+            x = one if i == j else zero
+            for k in range(i, rows):
+                x = x + load(law.factor, k * rows + i) * load(T, k * rows + j)
+            store(A, i * rows + j, x)
+    for k in range(rows):
+        pivot = 1.0 / load(A, k * rows + k)
+        y = load(z, k)
+        for i in range(k + 1, rows):
+            f = load(A, i * rows + k) * pivot
+            store(z, i, load(z, i) - f * y)
+            for j in range(k + 1, rows):
+                store(A, i * rows + j, load(A, i * rows + j) - f * load(A, k * rows + j))
+    for b in range(rows):
+        i = rows - 1 - b
+        x = load(z, i)
+        for j in range(i + 1, rows):
+            x = x - load(A, i * rows + j) * load(z, j)
+        store(z, i, x / load(A, i * rows + i))
+    for b in range(rows):  # C g, from the last row up
+        i = rows - 1 - b
+        x = zero
+        for j in range(i + 1):
+            x = x + load(law.factor, i * rows + j) * load(z, j)
+        store(z, i, x)
+    for a in range(count):
+        s = active[a]
+        i, size = starts[a], sites.site[s, SIZE]
+        if size == 1:
+            for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+                x = load(law.single, 8 * l + 5) * load(law.single, 8 * l + 3) * (1.0 / PROXIMAL) * load(z, i)
+                store(law.move, k3 + l, load(law.move, k3 + l) - x)
+            continue
+        turn = three(z, i + 3) if size == 6 else (zero, zero, zero)
+        linear = three(z, i)
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            q = POINT * c
+            u = times(load(law.point, q + UNIT), plus(linear, cross(turn, three(law.point, q + FELT))))
+            put(law.move, 3 * c, minus(three(law.move, 3 * c), eased(law, q, coulomb, u)))
+
+
+@inlined
+def put_column(B: Array, i: int, x: Three) -> None:
+    """Add to entries i, i + 6 and i + 12."""
+    store(B, i, load(B, i) + x[0])
+    store(B, i + 6, load(B, i + 6) + x[1])
+    store(B, i + 12, load(B, i + 12) + x[2])
+
+
+@compiled
+def solved(
+    sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, fresh: Number, law: Law
+) -> int:  # fmt: skip
+    """Newton's steps from the weights in `law.w`; `law.best` gets the best found, `law.merit` how good they are; how many steps.
+
+    Worlds that are `fresh`, and later those that are not solved yet, begin with all points sticking, by weights of least norm:
+    of several weights for one motion these are seldom at the edge of a cone, where Newton's method is slow.
+    """
+    zero, one, k3 = spread(law.w, 0.0), spread(law.w, 1.0), 3 * len(sites.arm)
+    factor(law, rows)
+    scale = spread(law.w, TINY)
+    for a in range(count):
+        s = active[a]
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            if sites.site[s, SIZE] == 1:
+                x = load(law.single, 8 * c) * load(law.single, 8 * c + 3)
+                scale = above(x, scale, x, above(-x, scale, -x, scale))
+                continue
+            unit = load(law.point, POINT * c + UNIT) * (1.0 - load(law.point, POINT * c + IDLE))
+            for r in range(3):
+                x = unit * load(law.point, POINT * c + OFFSET + r)
+                scale = above(x, scale, x, above(-x, scale, -x, scale))
+    store(law.merit, SCALE, scale)
+    begun(sites, active, count, fresh, law)
+    evaluate(sites, active, count, starts, rows, coulomb, law.w, law)
+    store(law.merit, LEAST, load(law.merit, MERIT))
+    copied(sites, active, count, law.w, law.best, one)
+    waits = above(load(law.merit, LEAST), SOLVED * scale, one, zero)
+    stick, early = fresh * waits, 0
+    for step in range(MOST):
+        if largest(waits) == 0.0:
+            return step
+        if step == AGAIN or step == OPEN:
+            stick, early = waits if step == AGAIN else zero, step
+            begun(sites, active, count, waits, law)
+            if step == OPEN:
+                unshifted(sites, active, count, waits, law)
+                store(law.merit, LEAST, above(waits, 0.5, 1e30 * one, load(law.merit, LEAST)))  # of another problem
+            evaluate(sites, active, count, starts, rows, coulomb, law.w, law)
+        if largest(stick) > 0.0:
+            stuck(sites, active, count, stick, law)
+        newton_step(sites, active, count, starts, rows, coulomb, law)
+        before, t = load(law.merit, SQUARE), waits
+        for _ in range(TRIES):
+            for a in range(count):
+                s, first = active[a], sites.site[active[a], FIRST]
+                single = sites.site[s, SIZE] == 1
+                low = k3 + first if single else 3 * first
+                for i in range(low, low + sites.site[s, MANY] * (1 if single else 3)):
+                    x = load(law.w, i)
+                    store(law.new, i, above(t, zero, x + t * load(law.move, i), x))
+            evaluate(sites, active, count, starts, rows, coulomb, law.new, law)
+            allowed = before * (GROWS * one if step < early + EARLY else 1.0 - 1e-4 * t) + 1e30 * stick
+            fine = above(load(law.merit, SQUARE), allowed, zero, above(load(law.merit, SQUARE), -1.0, one, zero))
+            fine = above(waits, 0.5, fine, one)
+            if largest(one - fine) == 0.0:
+                break
+            t = above(fine, 0.5, t, 0.5 * t)
+        copied(sites, active, count, law.new, law.w, one)
+        better = above(load(law.merit, LEAST), load(law.merit, MERIT), one, zero)
+        copied(sites, active, count, law.w, law.best, better)
+        least = load(law.merit, LEAST)
+        stalls = above(least, FOUND * scale, zero, above(load(law.merit, MERIT), 0.5 * least, one, zero))
+        least = above(better, 0.5, load(law.merit, MERIT), least)
+        store(law.merit, LEAST, least)
+        waits = above(least, SOLVED * scale, waits, zero) * (1.0 - stalls)
+        stick = zero
+    return MOST
+
+
+@compiled
+def begun(sites: Sites, active: Array, count: int, which: Number, law: Law) -> None:
+    """Set the weights to zero in lanes where `which` is one."""
+    zero, k3 = spread(law.w, 0.0), 3 * len(sites.arm)
+    for a in range(count):
+        s = active[a]
+        first, many, single = sites.site[s, FIRST], sites.site[s, MANY], sites.site[s, SIZE] == 1
+        low = k3 + first if single else 3 * first
+        for i in range(low, low + many * (1 if single else 3)):
+            store(law.w, i, above(which, 0.5, zero, load(law.w, i)))
+
+
+@compiled
+def unshifted(sites: Sites, active: Array, count: int, which: Number, law: Law) -> None:
+    """Let friction oppose the velocity at the end of the step: it may be that none opposes that in its middle."""
+    for a in range(count):
+        s = active[a]
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY] if sites.site[s, SIZE] > 1 else 0):
+            shift = times(which, three(law.point, POINT * c + SHIFT))
+            put(law.point, POINT * c + OFFSET, minus(three(law.point, POINT * c + OFFSET), shift))
+            put(law.point, POINT * c + SHIFT, minus(three(law.point, POINT * c + SHIFT), shift))
+
+
+@compiled
+def stuck(sites: Sites, active: Array, count: int, which: Number, law: Law) -> None:
+    """Let Newton's next step, from no weights, hold all points within reach: their modes, and w - y in place of P(w - y) - w."""
+    zero = spread(law.w, 0.0)
+    for a in range(count):
+        s = active[a]
+        if sites.site[s, SIZE] == 1:
+            continue
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            q = POINT * c
+            unit, live = load(law.point, q + UNIT), 1.0 - load(law.point, q + IDLE)
+            store(law.point, q + STICK, above(which, 0.5, live, load(law.point, q + STICK)))
+            store(law.point, q + EDGE, above(which, 0.5, zero, load(law.point, q + EDGE)))
+            for r in range(3):
+                y = -(unit * load(law.point, q + OFFSET + r)) * live
+                store(law.point, q + GAP + r, above(which, 0.5, y, load(law.point, q + GAP + r)))
+
+
+@compiled
+def copied(sites: Sites, active: Array, count: int, x: Array, y: Array, which: Number) -> None:
+    """Copy the weights of the active sites from x to y, in lanes where `which` is one."""
+    k3 = 3 * len(sites.arm)
+    for a in range(count):
+        s = active[a]
+        first, many, single = sites.site[s, FIRST], sites.site[s, MANY], sites.site[s, SIZE] == 1
+        low = k3 + first if single else 3 * first
+        for i in range(low, low + many * (1 if single else 3)):
+            store(y, i, above(which, 0.5, load(x, i), load(y, i)))
+
+
+@compiled
+def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, law: Law, of: int) -> bool:
+    """One lane by the method for one world, `rbd.solvers.newton_kernel`; whether it found its weights, which are in `law.best`."""
+    k3, cones, singles = 3 * len(sites.arm), 0, 0
+    for a in range(count):
+        s = active[a]
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            if sites.site[s, SIZE] == 1:
+                singles += 1
+            elif lane(law.point, POINT * c + IDLE, of) < 0.5:
+                cones += 1
+    parts, p = singles + cones, singles + 3 * cones
+    D, columns, offset, whose = np.zeros((rows, rows)), np.zeros((p, 6)), np.zeros(p), np.zeros(parts, np.int64)
+    felt = np.zeros((p, 6))
+    first, width = np.zeros(parts, np.int64), np.zeros(parts, np.int64)
+    lower, upper, mu, w, axes = np.zeros(singles), np.zeros(singles), np.zeros(cones), np.zeros(p), np.zeros((cones, 3, 3))
+    for i in range(rows):
+        for j in range(rows):
+            D[i, j] = lane(law.mobility, i * rows + j, of)
+    at, cone = 0, 0
+    for a in range(count):
+        s = active[a]
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            if sites.site[s, SIZE] == 1:
+                unit = lane(law.single, 8 * c + 3, of)
+                columns[at, 0] = felt[at, 0] = 1.0
+                offset[at], whose[at] = lane(law.single, 8 * c, of), k3 + c
+                first[at], width[at] = starts[a], 1
+                lower[at], upper[at] = unit * lane(law.single, 8 * c + 1, of), unit * lane(law.single, 8 * c + 2, of)
+                at += 1
+            elif lane(law.point, POINT * c + IDLE, of) < 0.5:
+                i, E = singles + 3 * cone, axes[cone]
+                for r in range(3):
+                    E[2, r] = lane(law.point, POINT * c + NORMAL + r, of)
+                least = 0
+                for r in range(3):
+                    if abs(E[2, r]) < abs(E[2, least]):
+                        least = r
+                square = math.sqrt(1.0 - E[2, least] ** 2)
+                for r in range(3):
+                    E[0, r] = ((1.0 if r == least else 0.0) - E[2, least] * E[2, r]) / square
+                for r in range(3):
+                    E[1, r] = E[2, (r + 1) % 3] * E[0, (r + 2) % 3] - E[2, (r + 2) % 3] * E[0, (r + 1) % 3]
+                for e in range(3):
+                    for r in range(3):
+                        columns[i + e, r] = felt[i + e, r] = E[e, r]
+                        offset[i + e] += E[e, r] * lane(law.point, POINT * c + OFFSET + r, of)
+                        if sites.site[s, SIZE] == 6:
+                            y, z = (r + 1) % 3, (r + 2) % 3
+                            push, pull = POINT * c + ARM, POINT * c + FELT
+                            columns[i + e, 3 + r] = lane(law.point, push + y, of) * E[e, z] - lane(law.point, push + z, of) * E[e, y]
+                            felt[i + e, 3 + r] = lane(law.point, pull + y, of) * E[e, z] - lane(law.point, pull + z, of) * E[e, y]
+                mu[cone], whose[singles + cone] = lane(law.point, POINT * c + MU, of), c
+                first[singles + cone], width[singles + cone] = starts[a], sites.site[s, SIZE]
+                cone += 1
+    problem = Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu)
+    merit, _, _ = forces(problem, np.zeros(p), coulomb, np.arange(parts), w)
+    if not merit <= FOUND:
+        return False
+    for at in range(singles):
+        put_lane(law.best, whose[at], of, w[at] / lane(law.single, 8 * (whose[at] - k3) + 3, of))
+    for cone in range(cones):
+        for r in range(3):
+            x = 0.0
+            for e in range(3):
+                x += axes[cone, e, r] * w[singles + 3 * cone + e]
+            put_lane(law.best, 3 * whose[singles + cone] + r, of, x / lane(law.point, POINT * whose[singles + cone] + UNIT, of))
+    return True

@@ -1,0 +1,104 @@
+"""`Trajectories`: the motions of many worlds, as arrays over worlds and samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array, check_whole
+from rbd.displayed import Displayed
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+
+ENOUGH = 1e-8
+"""Scaled residual above which a world is flagged."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectories(Displayed):
+    """The motions of n worlds at T samples.
+
+    Attributes:
+        robot: The robot.
+        t: Times, shape (T,) [s].
+        q: Configurations, shape (n, T, nq); NaN after a world stopped.
+        v: Velocities, shape (n, T, nv) [m/s, rad/s].
+        residual: The largest scaled residual of equation of motion and contact law in the steps since the sample before,
+            shape (n, T).
+        depth: How deep a point was below its surface in these steps, shape (n, T) [m].
+        points: Mean forces on the robot at the points in the last of these steps, world axes, shape (n, T, k, 3) [N].
+        stopped: The step before which a world stopped, -1 where it did not, shape (n,).
+        rescued: How many of its steps were solved alone, by the method for one world, shape (n,).
+        refused: {world: message} of states that are no input.
+        contacts: {contact: its points}.
+        given: The arguments.
+        controller: The function of the torques, or None.
+    """
+
+    robot: CheckedModel
+    t: Array
+    q: Array
+    v: Array
+    residual: Array
+    depth: Array
+    points: Array
+    stopped: Array
+    rescued: Array
+    refused: Mapping[int, str]
+    contacts: Mapping[str, slice]
+    given: Mapping[str, Any] = field(repr=False)
+    controller: Callable[..., Array] | None = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """{contact: mean force on the robot in the step before each sample, world axes, shape (n, T, 3)} [N]."""
+        return {name: self.points[:, :, own].sum(axis=2) for name, own in self.contacts.items()}
+
+    @property
+    def flagged(self) -> Array:
+        """The worlds that stopped, or whose residual is above 1e-8, by number."""
+        return np.flatnonzero((self.stopped >= 0) | (self.residual.max(axis=1) > ENOUGH))
+
+    @property
+    def inaccurate(self) -> str:
+        """Message: which worlds are flagged; empty if none is."""
+        some = self.flagged
+        if not len(some):
+            return ""
+        i = int(some[0])
+        step = self.stopped[i]
+        what = f"stopped before step {step + 1}" if step >= 0 else f"has a residual of {self.residual[i].max():.2g}"
+        why = f": {self.refused[i]}" if i in self.refused else ""
+        return (
+            f"of {len(self)} worlds of {self.robot.name} {len(some)} are not accurate: world {i} {what}{why}. "
+            "`trajectories.flagged` has their numbers; rbd.simulate with its state, and a shorter step, may find its motion."
+        )
+
+    def state(self, world: int, sample: int = -1) -> State:
+        """The state of a world at a sample.
+
+        Raises:
+            InputError: no such world or sample, or the world had stopped.
+        """
+        for what, value, n in (("world", world, len(self)), ("sample", sample, len(self.t))):
+            if not isinstance(value, int | np.integer) or not -n <= value < n:
+                raise InputError(f"{what} {value!r:.80} of {n}; expected a number from 0 to {n - 1}, or from -{n} to -1.")
+        if not np.isfinite(self.q[world, sample]).all():
+            raise InputError(f"world {world} stopped before step {self.stopped[world] + 1}, before sample {sample}.")
+        return State(self.robot, self.q[world, sample], self.v[world, sample], t=float(self.t[sample]))
+
+    def __str__(self) -> str:
+        worst = float(self.residual.max(initial=0.0))
+        lines = [
+            f"{len(self)} worlds of {self.robot.name}, {self.t[-1]:g} s, {len(self.t)} samples",
+            f"largest scaled residual {worst:.1e}, deepest point {self.depth.max(initial=0.0):.1e} m, "
+            f"{int(self.rescued.sum())} steps solved alone",
+        ]
+        return "\n".join([*lines, *([self.inaccurate] if len(self.flagged) else [])])
