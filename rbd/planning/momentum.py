@@ -181,6 +181,21 @@ class Momentum:
         return tuple(out + ([(now, T)] if T - now > 1e-9 else []))
 
     @lazy
+    def high_flight(self) -> str | None:
+        """What the longest flight takes, in words, if it rises higher than the centre of mass can be over what stands.
+
+        In a time T from one height to the same it rises by g T^2 / 8, and leaves the ground with g T / 2.
+        """
+        start, end = max(self.flights, key=lambda x: x[1] - x[0], default=(0.0, 0.0))
+        T, g, reach = end - start, float(np.linalg.norm(self.gravity)), max((x.radius for x in self.near), default=np.inf)
+        if g * T**2 / 8.0 <= reach:
+            return None
+        return (
+            f"Nothing stands {_span(start, end)}: the centre of mass has to leave the ground with about {0.5 * g * T:.2g} m/s and "
+            f"to rise by about {g * T**2 / 8.0:.2g} m, and it can be {reach:.2g} m from a contact at most."
+        )
+
+    @lazy
     def limits(self) -> tuple[Limit, ...]:
         """All that can be relaxed, first what one would rather not blame."""
         names = list(dict.fromkeys(s.name for s in self.stays))
