@@ -12,6 +12,7 @@ import heapq
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,8 @@ GRASPS, GRID, AROUND = 4, 0.1, 0.5
 """Places of each hand that are tried; how far they are from each other, and from where the hand is, at most [m]."""
 LEANS = (0.0, 0.2)
 """The centre of mass is this share of the way from feet to a hand, the first with which a step is possible."""
+LEAST_WAY, SWINGS = 0.03, 1.0 / 3.0
+"""Of what gets how much time: a way of the centre of mass that is added to all [m]; a contact's counts as this share of it."""
 SAME = 1e-3
 """A foot whose places are nearer to each other does not step [m]."""
 
@@ -300,29 +303,47 @@ class ContactSearch:
         return f"{self.feet[f].name!r:.80} to ({x:.2f}, {y:.2f}, {z:.2f}) m"
 
     def contacts(self, steps: list[Step]) -> PlannedContacts:
-        """Keyframes and contacts of a sequence: equal times for each step and for what is before, between and after them.
+        """Keyframes and contacts of a sequence: each step, and what is before, between and after, gets time by what moves.
 
-        Hands are put down one such time before the first step, and taken away one after the last.
+        Hands are put down before the first step, and taken away after the last.
         """
         (start, first), (end, last) = self.ends.keys
         more = bool(self.held)
-        t = np.linspace(start, end, 2 * len(steps) + 2 + 2 * more)
-        keys: dict[float, Any] = {float(t[0]): first, float(t[-1]): last}
+        at = [own[0].X for own in self.ends.stays]
+        poses = [first, *[self._pose(at, first.com[:2], first)] * more]
+        moves = [max((np.linalg.norm(p - centre_of(first, hand).translation) for hand, p in self.held), default=0.0)] * more
+        for step in steps:
+            poses += [step.lift, step.land]
+            moves += [0.0, float(np.linalg.norm(step.X.translation - at[step.foot].translation))]
+            at[step.foot] = step.X
+        poses += [*[steps[-1].land] * more, last]
+        moves += [0.0] * more + [max((np.linalg.norm(p - centre_of(last, hand).translation) for hand, p in self.held), default=0.0)]
+        t = start + (end - start) * shares_of(poses, moves)
+        keys: dict[float, Any] = {float(x): pose for x, pose in zip(t, poses, strict=True)}
         lands, stays = [float(t[0])] * len(self.feet), [list[tuple[float, float]]() for _ in self.feet]
         for k, step in enumerate(steps):
             lift, land = float(t[2 * k + 1 + more]), float(t[2 * k + 2 + more])
-            keys |= {lift: step.lift, land: step.land}
             stays[step.foot].append((lands[step.foot], lift))
             lands[step.foot] = land
         given: dict[Any, Any] = {
             foot.name: [*own, (land, float(t[-1]))] for foot, own, land in zip(self.feet, stays, lands, strict=True)
         }
-        if more:
-            at = [own[0].X for own in self.ends.stays]
-            keys[float(t[1])] = self._pose(at, first.com[:2], first)
-            keys[float(t[-2])] = steps[-1].land
-            given |= {hand: [(float(t[1]), float(t[-2]))] for hand, _ in self.held}
+        given |= {hand: [(float(t[1]), float(t[-2]))] for hand, _ in self.held}
         return planned_contacts(self.ends.robot, keys, given, friction=self.friction, ground=self.ground)
+
+
+def shares_of(poses: Sequence[State], moves: Sequence[float]) -> Array:
+    """Shares of the time at which poses are reached, shape (n,), from 0 to 1: parts grow with the root of what moves.
+
+    At equal accelerations a way takes the root of its length. It is that of the centre of mass, or a third of a contact's.
+
+    Args:
+        poses: In turn.
+        moves: How far a contact is moved before each of them but the first [m].
+    """
+    ways = [float(np.linalg.norm(y.com - x.com)) for x, y in pairwise(poses)]
+    parts = np.sqrt([LEAST_WAY + max(way, SWINGS * x) for way, x in zip(ways, moves, strict=True)])
+    return np.concatenate([[0.0], np.cumsum(parts)]) / parts.sum()
 
 
 def grasps(hand: Contact, at: Array) -> list[Array]:
