@@ -54,13 +54,12 @@ GRASPS, GRID, AROUND = 4, 0.1, 0.5
 LEANS = (0.0, 0.2)
 """The centre of mass is this share of the way from feet to a hand, the first with which a step is possible."""
 PUSH, FLIGHT = 0.2, 0.3
-"""How long a leap takes to leave the ground, and to come to rest; and how long nothing stands [s]."""
+"""How long a leap takes to leave the ground, and to come to rest; and how long nothing stands, on level ground [s]."""
 LEAPS, FIXED = 12, 0.8
 """Leaps that are tested, at most; the share of the time that they may take."""
-OFF, CROUCH, LEAN = 0.09, 0.035, 0.5 * PUSH / (PUSH + FLIGHT)
-"""In a leap the centre of mass leaves the ground and lands lower than it stands by this share of its height over the feet; it
-crouches by so much more [m]; and it leaves after this share of its way, and lands so much before its end: at constant
-acceleration it is as fast then as in the flight."""
+OFF, CROUCH, ROOM = 0.09, 0.035, 0.25
+"""In a leap the centre of mass leaves the ground and lands lower than it stands by this share of its height over the feet, and
+crouches by so much more [m]. Where it leaves and lands legs have to reach farther, by this share of its way from there."""
 LEAST_WAY, SWINGS = 0.03, 1.0 / 3.0
 """Of what gets how much time: a way of the centre of mass that is added to all [m]; a contact's counts as this share of it."""
 SAME = 1e-3
@@ -99,6 +98,7 @@ class Leap:
         off: In which it leaves the ground.
         land: In which it lands.
         caught: In which it comes to rest.
+        flight: How long nothing stands [s].
     """
 
     to: tuple[pin.SE3, ...]
@@ -106,13 +106,14 @@ class Leap:
     off: State
     land: State
     caught: State
+    flight: float
 
     def stages(self, _: Sequence[pin.SE3]) -> list[Stage]:
         """Down, off the ground, onto it, and at rest."""
         feet = range(len(self.to))
         return [
             Stage(self.low), Stage(self.off, time=PUSH, lifts=tuple(feet)),
-            Stage(self.land, time=FLIGHT, lands=dict(zip(feet, self.to, strict=True))), Stage(self.caught, time=PUSH),
+            Stage(self.land, time=self.flight, lands=dict(zip(feet, self.to, strict=True))), Stage(self.caught, time=PUSH),
         ]  # fmt: skip
 
 
@@ -251,7 +252,6 @@ class ContactSearch:
 
     def leaps(self) -> Iterator[list[Leap]]:
         """Leaps from the first to the last pose, few first."""
-        found = set[tuple[Any, ...]]()
         for n in STEPS:
             places = self._places(n)
             most = max(map(len, places))
@@ -280,20 +280,32 @@ class ContactSearch:
         state = self.ends.keys[0][1]
         from_feet = state.com - np.mean([own[0].X.translation for own in self.ends.stays], axis=0)
         start, end = (np.mean([X.translation for X in each], axis=0) + from_feet for each in (at, to))
-        ahead, down = LEAN * (end - start), OFF * from_feet[2] * np.eye(3)[2]
+        g = float(np.linalg.norm(self.robot.gravity))
+        low = g * FLIGHT**2 / 8.0  # over the higher of both places
+        high = low + abs(float(end[2] - start[2]))
+        flight = math.sqrt(2.0 * low / g) + math.sqrt(2.0 * high / g)
+        # At constant acceleration it is as fast when it leaves as in the flight, and the legs carry more than the weight.
+        ahead, more = 0.5 * PUSH / (PUSH + flight) * (end - start), 1.0 + math.sqrt(2.0 * high / g) / PUSH
+        down = OFF * from_feet[2] * np.eye(3)[2]
+        ahead[2] = 0.0
         places = [start - down - [0.0, 0.0, CROUCH], start + ahead - down, end - ahead - down, end - down - [0.0, 0.0, CROUCH]]
         poses = [before]
         try:
             for com, X in zip(places, (at, at, to, to), strict=True):
                 poses.append(self._pose(X, com, poses[-1]))
+            for pose, X, way in ((poses[2], at, ahead), (poses[3], to, -ahead)):  # legs are not straight there
+                self._pose(X, pose.com + ROOM * way, pose)
             for pose in (poses[1], poses[4]):
-                hold(State(self.robot, pose.q), self.feet, margin=0.1)
+                hold(State(limited_to(self.robot, 1.0 / more), pose.q), self.feet, margin=0.1)
         except CannotReach as error:
-            return f"leap {error}"
+            return str(error)
         except CannotMove as error:
-            return f"leap {str(error).split('. ')[0]}"
+            return f"pushes with {more:.2g} times its weight: {str(error).split('. ')[0]}"
         overlaps = [words for pose in poses[1:] if (words := self._overlap(pose))]
-        return f"leap bodies overlap: {overlaps[0]}" if overlaps else Leap(tuple(to), *poses[1:])
+        if overlaps:
+            return f"bodies overlap: {overlaps[0]}"
+        _, crouched, off, land, caught = poses
+        return Leap(tuple(to), crouched, off, land, caught, flight)
 
     def _places(self, n: int) -> list[list[pin.SE3]]:
         """Footholds of each foot, the first and the last among them."""
@@ -306,8 +318,9 @@ class ContactSearch:
                 yaw, along = math.atan2(X.rotation[1, 0], X.rotation[0, 0]), way[:2] / (np.linalg.norm(way[:2]) or 1.0)
                 try:
                     own.append(self.floor.nearest(foot.name, X.translation, yaw, along, float(X.translation[2])))
-                except InputError as error:
-                    self.tried.append(str(error))
+                except InputError:
+                    x, y = X.translation[:2]
+                    self.tried.append(f"{foot.name!r:.80} finds no place near ({x:.2f}, {y:.2f}) m on which all of it rests")
             out.append([*own, b.X] if moves else own)
         return out
 
@@ -436,7 +449,8 @@ class ContactSearch:
         stages += [Stage(stages[-1].pose)] * more + [Stage(last, freed)]
         fixed = sum(stage.time or 0.0 for stage in stages)
         if fixed > FIXED * (end - start):
-            raise CannotPlan(f"leaps take {fixed:.2g} s without what is between; give {fixed / FIXED:.2g} s or more", t=())
+            least = math.ceil(100.0 * fixed / FIXED - 1e-6) / 100.0
+            raise CannotPlan(f"leaps take {fixed:.2g} s without what is between; give {least:g} s or more", t=())
         parts = parts_of([first, *(stage.pose for stage in stages)], [stage.way for stage in stages])
         given_time = np.array([stage.time is not None for stage in stages])
         parts *= (end - start - fixed) / parts[~given_time].sum()
@@ -450,7 +464,8 @@ class ContactSearch:
                 stays[f].append((lands[f], x))
             for f in stage.lands:
                 lands[f] = x
-        given: dict[Any, Any] = {foot.name: [*own, (land, end)] for foot, own, land in zip(self.feet, stays, lands, strict=True)}
+        each = zip(self.feet, stays, lands, strict=True)
+        given: dict[Any, Any] = {foot.name: [*own, (land, end)] for foot, own, land in each}
         given |= {hand: [(t[0], t[-2])] for hand, _ in self.held}
         return planned_contacts(self.ends.robot, keys, given, friction=self.friction, ground=self.ground)
 

@@ -191,8 +191,8 @@ class Momentum:
         if g * T**2 / 8.0 <= reach:
             return None
         return (
-            f"Nothing stands {_span(start, end)}: the centre of mass has to leave the ground with about {0.5 * g * T:.2g} m/s and "
-            f"to rise by about {g * T**2 / 8.0:.2g} m, and it can be {reach:.2g} m from a contact at most."
+            f"Nothing stands {_span(start, end)}: the centre of mass has to leave with about {0.5 * g * T:.2g} m/s and to rise "
+            f"by about {g * T**2 / 8.0:.2g} m, and can be {reach:.2g} m from a contact at most."
         )
 
     @lazy

@@ -52,8 +52,8 @@ SPARED, PER_SECOND = (0.03, 0.005), 100.0
 RATES, FLIGHT_RATES = (50.0, 100.0), (300.0, 400.0)
 """Knots a second that are tried in turn; and where nothing stands for a time."""
 COARSE, HOPELESS = 50.0, 0.5
-"""Knots a second of a first plan where a flight rises higher than the centre of mass can be over what it leaves; if that misses so
-much of the weight, no finer one is tried. Plans that were found later missed up to 0.07 of it, others 0.9 to 90."""
+"""Knots a second of a first plan where a flight rises higher than the centre of mass can be over what it leaves; if that misses
+so much of the weight, no finer one is tried. Plans that were found later missed up to 0.07 of it, others 0.9 to 90."""
 COM, FLYING_COM = 0.02, 0.005
 """Deviation of the centre of mass that costs as much as the others of `CentroidCosts` [m]; and where nothing stands for a time:
 with more it leaves the ground on legs that are nearly straight, and they have no way left on which to come to rest."""
