@@ -297,7 +297,7 @@ class ContactSearch:
                 self._pose(X, pose.com + ROOM * way, pose)
             for pose in (poses[1], poses[4]):
                 hold(State(limited_to(self.robot, 1.0 / more), pose.q), self.feet, margin=0.1)
-        except CannotReach as error:
+        except (CannotReach, InputError) as error:
             return str(error)
         except CannotMove as error:
             return f"pushes with {more:.2g} times its weight: {str(error).split('. ')[0]}"
@@ -381,7 +381,7 @@ class ContactSearch:
             land = self._pose([X if i == f else own for i, own in enumerate(at)], com, lift)
             for state in (lift, land):
                 hold(State(self.robot, state.q), stands, margin=0.1)
-        except CannotReach as error:
+        except (CannotReach, InputError) as error:  # a foot may be beyond the border of its terrain
             return str(error)
         except CannotMove as error:
             return str(error).split(". ")[0]
@@ -390,8 +390,8 @@ class ContactSearch:
 
     def _far(self, at: list[pin.SE3]) -> str:
         """Why feet at these places are out of reach of each other in whatever pose; empty where they are not."""
-        stays = [(c, Stay(0.0, 0.0, X, X.rotation[:, 2])) for c, X in zip(self.feet, at, strict=True)]
-        stays += [(c, Stay(0.0, 0.0, pin.SE3(np.eye(3), p), np.zeros(3))) for c, p in self.held]
+        stays = [(c, Stay(0.0, 0.0, X, X.rotation[:, 2], np.asarray(c.corners))) for c, X in zip(self.feet, at, strict=True)]
+        stays += [(c, Stay(0.0, 0.0, pin.SE3(np.eye(3), p), np.zeros(3), np.asarray(c.corners))) for c, p in self.held]
         pairs = (apart(self.robot, x, y) for i, x in enumerate(stays) for y in stays[i + 1 :])
         worst = max(pairs, key=lambda x: x.distance - x.longest, default=None)
         if worst is None or worst.distance <= worst.longest:

@@ -101,7 +101,7 @@ class Momentum:
         for contact, own in zip(supports.contacts, supports.stays, strict=True):
             corners, mu = np.asarray(contact.corners), share * coefficient_of(contact)
             for s in own:
-                points = (corners - corners.mean(axis=0)) @ s.X.rotation.T + s.X.translation - first[1].com
+                points = (s.corners - corners.mean(axis=0)) @ s.X.rotation.T + s.X.translation - first[1].com
                 axes = np.array([*across(s.normal), s.normal])
                 stays.append(Standing(contact.name, s.start - first[0], s.end - first[0], points, axes, mu))
         keys = supports.keys[1:] if between else supports.keys[-1:]

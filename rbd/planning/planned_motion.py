@@ -378,9 +378,9 @@ class _Settings:
                 if made.proved:
                     return made
                 if high is not None and i == 0 and made.intervals.missing.max() > HOPELESS:
-                    error = _of_nearest(found, self.limits)
-                    error.args = (f"{error.args[0]} {high}",)
-                    raise error
+                    nearest = _of_nearest(found, self.limits)
+                    nearest.args = (f"{nearest.args[0]} {high}",)
+                    raise nearest
         raise _failure(supports, found, failed, self.limits, tries[-1][1])
 
 
@@ -409,14 +409,13 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     q, centroid = knots.solved(done)
     supports, group = knots.supports, knots.group
     R, p, _ = supports.paths(knots.t)
-    corners = [np.asarray(c.corners) @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, c in enumerate(supports.contacts)]
     axes = np.array([[[*across(n), n] for n in row] for row in knots.normals.reshape(-1, len(supports.contacts), 3)])
     forces = centroid.forces.copy()
-    for f in range(len(corners)):  # the same resultant at the corners themselves
+    for f in range(len(supports.contacts)):  # the same resultant at the corners themselves
         own = group == f
         forces[:, own] = knots.inner * forces[:, own] + (1.0 - knots.inner) * forces[:, own].mean(axis=1, keepdims=True)
     pushes = Pushes(
-        knots.t, knots.feet.joint[group], knots.on[:, group], np.concatenate(corners, axis=1), axes[:, group], forces,
+        knots.t, knots.feet.joint[group], knots.on[:, group], knots.corners(R, p), axes[:, group], forces,
         knots.coefficients[group],
     )  # fmt: skip
     curve = Curve.of(supports.robot, knots.t, q)

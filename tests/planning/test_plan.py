@@ -18,7 +18,7 @@ from rbd.planning.bounds import Bounds
 from rbd.planning.certificate import FALLS
 from rbd.planning.curve import Curve
 from rbd.planning.kept_limits import MEASURED, _apart, between
-from rbd.planning.stays import centre_of
+from rbd.planning.stays import centre_of, planned_contacts
 
 FEET = {"left_sole": True, "right_sole": True}
 
@@ -265,6 +265,24 @@ class TestRefused:
         q = stand.q + 0.1 * np.eye(talos.nq)[0]
         with pytest.raises(InputError, match="100.0 mm and 0.0 degrees from where it stood"):
             rbd.plan(talos, {0.0: stand, 1.0: q}, FEET, progress=False)
+
+    def test_beyond_the_border_of_terrain(self, talos: rbd.Robot, solo: rbd.Robot):
+        """A foot that is put there is named, with the time; one whose sole is partly beyond it stands on the rest alone."""
+        stand, feet = solo.standing(), {foot.name: [(0.0, 0.4), (0.7, 1.0)] for foot in solo.feet()}
+        small = rbd.Terrain.boxes(((-0.3, -0.3, -0.1), (0.3, 0.3, 0.0)))
+        ahead = stand.q + 0.3 * np.eye(solo.nq)[0]
+        with pytest.raises(InputError, match="'front_left' is to stand at 1 s, .* no terrain is within 1 mm"):
+            rbd.plan(solo, {0.0: stand, 1.0: ahead}, feet, ground=small, progress=False)
+        there = {"front_left": moved(solo, stand, "front_left", [0.3, 0.0, 0.0])}
+        with pytest.raises(InputError, match="keyframe at 1 s, .*'front_left'.*: there is no terrain at x = 0.49"):
+            rbd.plan(solo, {0.0: stand, 1.0: there}, feet, ground=small, progress=False)
+        half = rbd.Terrain.boxes(((-1.0, -1.0, -0.1), (0.05, 1.0, 0.0)))
+        plan = planned_contacts(talos, {0.0: talos.standing(), 1.0: talos.standing()}, FEET, friction=0.6, ground=half)
+        for foot, corners in zip(plan.contacts, plan.corners(np.array([0.5])), strict=True):
+            whole = np.asarray(foot.corners)
+            x = centre_of(talos.standing(), foot).translation[0] + corners[0, :, 0]
+            assert x.max() == pytest.approx(0.05, abs=1e-9) and (corners[0, :, 1] == pytest.approx(whole[:, 1], abs=1e-9))
+            assert corners[0, :, 0].min() == whole[:, 0].min() and whole[:, 0].max() > 0.09
 
     def test_a_robot_on_a_fixed_base(self):
         """Has no centre of mass to carry."""
