@@ -7,7 +7,8 @@ At both ends of an interval of length h forces f_0 and f_1 in their cones balanc
 with G the forces' map to the wrench, e(t) what the straight line leaves of the wrench that the motion takes, and weights W
 that grow with the room that each force has in its cone. |e| is at most h^2 / 8 times the largest second derivative of the
 wrench (`rbd.planning.bounds`), and a cone is convex: where the correction is smaller than the room at both ends, f(t) is in its
-cones at all times between them. Torques likewise. Intervals in which that does not follow are halved.
+cones at all times between them. Torques likewise; the limits that they are within are those at the largest speeds between, as
+the torque with which a motor drives does not rise with its speed. Intervals in which that does not follow are halved.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ FALLS = 2e-3
 """What may be missing of the wrench on the base where nothing touches, over the weight, and over 0.3 m times the weight."""
 
 
-_ONCE = ("start", "end", "on", "correction", "bend", "drift", "lost")
+_ONCE = ("start", "end", "on", "correction", "off_line", "bend", "drift", "lost")
 """What `Intervals` has once an interval, not at both ends."""
 
 
@@ -78,7 +79,8 @@ class Intervals:
         room: How far inside its cone each force is, shape (2, m, k) [N]; infinite of points that do not push.
         slack: How far torques are inside their limits, the nearest one, shape (2, m) [N m].
         correction: Bound of what is added to each force between the ends, shape (m, k) [N].
-        bend: Bound of how far torques are from a straight line, less their slack, the worst one, shape (m,) [N m].
+        off_line: Bound of how far torques are from a straight line between the ends, the largest one, shape (m,) [N m].
+        bend: The same, less how far they are inside their limits at the speeds between, the worst one, shape (m,) [N m].
         drift: Bound of how far a point is from where it rests, shape (m,) [m].
         lost: Bound of what forces cannot balance between the ends, as `missing`; zero where they span all wrenches, shape (m,).
     """
@@ -92,6 +94,7 @@ class Intervals:
     room: Array
     slack: Array
     correction: Array
+    off_line: Array
     bend: Array
     drift: Array
     lost: Array
@@ -179,11 +182,25 @@ def examined(
     maps = terms.joint_map(pushes.joint, both, touches, np.asarray(robot.actuated)).reshape(2, m, -1, 3 * k)
     tau = terms.need[:, robot.actuated].reshape(2, m, -1) - each_times(maps, f.reshape(2, m, -1))
     least, most = (x.reshape(2, m, -1) for x in torques(v))
-    slack = np.minimum(tau - least, most - tau)
+    slack = np.minimum(tau - least, most - tau).min(axis=2)
+    least, most = limits_between(curve, torques, start, end, v.reshape(2, m, -1))
+    inside = np.minimum(tau - least, most - tau).min(axis=0)
     return Intervals(
-        start, end, on, f, tau, missing.max(axis=2), room, slack.min(axis=2),
-        *_between(curve, pushes, start, end, on, f, slack.min(axis=0), back, full, rest, R, p, terms.com.reshape(2, m, 3)),
+        start, end, on, f, tau, missing.max(axis=2), room, slack,
+        *_between(curve, pushes, start, end, on, f, inside, back, full, rest, R, p, terms.com.reshape(2, m, 3)),
     )  # fmt: skip
+
+
+def limits_between(
+    curve: Curve, torques: Callable[[Array], tuple[Array, Array]], start: Array, end: Array, v: Array
+) -> tuple[Array, Array]:
+    """(least, most) torques at all times of m intervals, shapes (m, nu): those at the largest speeds each way.
+
+    Speeds are on the straight line between those at both ends, v (2, m, nv), up to h^2 / 8 times the largest third derivative
+    of the joints. Torques with which motors drive do not rise with speed.
+    """
+    off = curve.sizes(start, end)[2] * ((end - start) ** 2 / 8.0)[:, None]
+    return torques(v.min(axis=0) - off)[0], torques(v.max(axis=0) + off)[1]
 
 
 def _back(scaled: Array, weights: Array) -> tuple[Array, Array]:
@@ -207,10 +224,10 @@ def _room(f: Array, axes: Array, mu: Array, on: Array) -> Array:
 
 
 def _between(
-    curve: Curve, pushes: Pushes, start: Array, end: Array, on: Array, f: Array, slack: Array, back: Array, full: Array,
+    curve: Curve, pushes: Pushes, start: Array, end: Array, on: Array, f: Array, inside: Array, back: Array, full: Array,
     rest: Array, R: Array, p: Array, com: Array,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """(correction, bend, drift, lost) of `Intervals`."""
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+    """(correction, off_line, bend, drift, lost) of `Intervals`; `inside`: how far torques are inside their limits, (m, nu)."""
     robot, model = curve.robot, curve.robot.model
     h, m = end - start, len(start)
     bounds = Bounds.of(robot, curve.sizes(start, end))
@@ -248,4 +265,5 @@ def _between(
     bend = bounds.torques(moves, joints, apart, points, size.T, changes) * h**2 / 8.0
     arms = np.where(np.isfinite(points), points, 0.0)
     bend = bend + np.einsum("jkm,mk->jm", arms, correction * on) + np.einsum("jk,mk->jm", moves[:, pushes.joint], size * drift)
-    return correction, (bend.T - slack).max(axis=1), drift.max(axis=1, initial=0.0), lost
+    worst = (bend.T - inside).max(axis=1)
+    return correction, bend.max(axis=0, initial=0.0), worst, drift.max(axis=1, initial=0.0), lost

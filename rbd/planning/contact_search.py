@@ -205,15 +205,15 @@ class ContactSearch:
         last, count, tested, left = None, 0, 0, PLANNED
         for held in self.supports():
             search = replace(self, held=held, tested={})
-            for found in (search.sequences(), *[search.leaps()] * (not held)):
-                for moves in islice(found, left if held else PLANNED):
-                    count, left = count + 1, left - bool(held)
-                    try:
-                        return planned(search.contacts(moves))
-                    except (CannotPlan, CannotReach, InputError) as error:
-                        words = [word for move in moves for word in self._words_of(move)]
-                        self.tried.append(f"{', '.join([*search.held_words, *words])}: {error}")
-                        last = error
+            found: list[Iterator[Sequence[Step | Leap]]] = [search.sequences(), *[search.leaps()] * (not held)]
+            for moves in (x for own in found for x in islice(own, left if held else PLANNED)):
+                count, left = count + 1, left - bool(held)
+                try:
+                    return planned(search.contacts(moves))
+                except (CannotPlan, CannotReach, InputError) as error:
+                    words = [word for move in moves for word in self._words_of(move)]
+                    self.tried.append(f"{', '.join([*search.held_words, *words])}: {error}")
+                    last = error
             tested += len(search.tested)
             if not left:
                 break
@@ -355,7 +355,9 @@ class ContactSearch:
             self.tested[key] = found = self._step(at, f, X, steps[-1].land if steps else self.ends.keys[0][1])
             if isinstance(found, str):
                 self.tried.append(f"{', '.join([*self.held_words, self._words(f, X)])}: {found}")
-        return self.tested[key]
+        known = self.tested[key]
+        assert not isinstance(known, Leap)
+        return known
 
     def _step(self, at: list[pin.SE3], f: int, X: pin.SE3, before: State) -> Step | str:
         stands = [foot for i, foot in enumerate(self.feet) if i != f]

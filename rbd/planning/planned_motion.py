@@ -23,7 +23,6 @@ from rbd.errors import CannotMove, CannotPlan, DistantContactWarning, InputError
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.state import State
-from rbd.motion.causes import torque_bounds
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning.certificate import Intervals, Pushes, certified
@@ -131,6 +130,11 @@ class Plan(Displayed):
         return float((np.abs(self.intervals.torques).max(axis=(0, 1)) / limit)[limit > 0.0].max(initial=0.0))
 
     @property
+    def torque_error(self) -> float:
+        """How far `torques(t)` are at most, at any time, from ones that give the motion, with forces in their cones [N m]."""
+        return float(self.intervals.off_line.max())
+
+    @property
     def missing(self) -> float:
         """Most of what forces leave of the wrench on the base at any time, over the weight, and over 0.3 m times the weight."""
         return float((self.intervals.missing.max(axis=0) + self.intervals.lost).max())
@@ -179,7 +183,10 @@ class Plan(Displayed):
         return np.asarray(self.curve.at(np.array([self._time(t)]))[2][0])
 
     def forces(self, t: float) -> dict[str, Array]:
-        """{contact: forces at its corners, in W, shape (k, 3) [N]} at a time, of the contacts that stand."""
+        """{contact: forces at its corners, in W, shape (k, 3) [N]} at a time, of the contacts that stand.
+
+        On straight lines between the ends of intervals; each is within `intervals.correction` of one that balances exactly.
+        """
         i, s = self._at(t)
         f = (1.0 - s) * self.intervals.forces[0, i] + s * self.intervals.forces[1, i]
         sizes = np.cumsum([len(np.asarray(c.corners)) for c in self.contacts.contacts])[:-1]
@@ -187,7 +194,10 @@ class Plan(Displayed):
         return {c.name: part for c, part, on in each if on.any()}
 
     def torques(self, t: float) -> Array:
-        """Torques of the motors at a time, shape (nu,) [N, N m]."""
+        """Torques of the motors at a time, shape (nu,) [N, N m]: on straight lines between the ends of intervals.
+
+        Those that give the motion exactly are within `torque_error` of them, and within their limits where it is proved.
+        """
         i, s = self._at(t)
         return np.asarray((1.0 - s) * self.intervals.torques[0, i] + s * self.intervals.torques[1, i])
 
@@ -226,6 +236,7 @@ class Plan(Displayed):
             f"  {len(x.start)} intervals of {1e3 * (x.end - x.start).min():.2g} to {1e3 * (x.end - x.start).max():.2g} ms, "
             "each with a bound of the second derivatives of wrench and torques",
             f"  friction: {self.friction_use:.0%} of mu used; torques: {self.torque_use:.0%} of their limits",
+            f"  between the ends of intervals torques are within {self.torque_error:.2g} N m of straight lines",
             f"  missing on the base: at most {self.missing:.1e} of the weight; drift of contacts: at most {drift:.2g} mm",
         ])  # fmt: skip
 
@@ -308,7 +319,7 @@ def plan(
     check_flag("progress of plan", progress)
     rate = None if rate is None else check_number("rate of plan", rate, 10.0, 5000.0, expected="knots a second, 400")
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
-    torques = partial(torque_bounds, robot, torque_limits=limits, torque_speed=None)
+    torques = limited(robot, limits).limits_at
     planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress, rate).planned
     if times == "free":
         planned = partial(shortest, planned=planned)

@@ -10,12 +10,13 @@ import pytest
 from hops import hop_of
 
 import rbd
+from rbd.arrays import each_times
 from rbd.errors import CannotPlan, CannotReach, InputError
 from rbd.motion.frame_terms import FrameTerms, placements
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning import Plan
 from rbd.planning.bounds import Bounds
-from rbd.planning.certificate import FALLS
+from rbd.planning.certificate import FALLS, limits_between
 from rbd.planning.curve import Curve
 from rbd.planning.kept_limits import MEASURED, _apart, between
 from rbd.planning.stays import centre_of, planned_contacts
@@ -136,6 +137,41 @@ def test_forces_balance_between_the_ends_within_the_bound(step: Plan, rng: np.ra
         most = [float(y[0]) * h**2 / 8.0 for y in bounds.wrench(reach)]
         found.append([b / m for b, m in zip(bend, most, strict=True)])
     assert 0.0 < np.max(found) <= 1.0
+
+
+def test_torques_are_near_to_straight_lines(step: Plan, rng: np.random.Generator):
+    """Between the ends of intervals, by inverse dynamics with the plan's own forces: within the bound, some near to it."""
+    x, robot, pushes = step.intervals, step.robot, step.pushes
+    found = []
+    for i in rng.choice(len(x.start), 60, replace=False):
+        t = x.start[i] + np.array([0.25, 0.5, 0.8]) * (x.end[i] - x.start[i])
+        s = np.array([0.25, 0.5, 0.8])[:, None]
+        terms = FrameTerms.of(robot, *step.curve.at(t), None)
+        knot = pushes.before(x.start[i : i + 1], x.end[i : i + 1])[0]
+        places = np.where(pushes.on[knot, :, None], pushes.places[knot], pushes.places[knot + 1])
+        on, f = np.tile(x.on[i], (3, 1)), ((1.0 - s) * x.forces[0, i].ravel() + s * x.forces[1, i].ravel())
+        maps = terms.joint_map(pushes.joint, np.tile(places, (3, 1, 1)), on, np.asarray(robot.actuated))
+        tau = terms.need[:, robot.actuated] - each_times(maps.reshape(3, robot.nu, -1), f)
+        found += [np.abs(tau[k] - step.torques(t[k])).max() / x.off_line[i] for k in range(3)]
+    assert 1e-3 < np.max(found) <= 1.0
+    assert step.torque_error == x.off_line.max() and (x.bend <= 0.0).all()
+
+
+def test_limits_at_speed_hold_between_the_ends(solo: rbd.Robot, rng: np.random.Generator):
+    """Torque-speed lines of motors on a random curve: at no time less is left than what counts; more at both ends."""
+    line = [(0.0, 2.7), (2.0, 2.0), (6.0, 0.5), (20.0, 0.0)]
+    robot = solo.with_motors({name: rbd.Motor(limit=2.7, torque_speed=line) for name in solo.actuated_names})
+    t, q0 = np.linspace(0.0, 0.4, 5), solo.standing().q
+    curve = Curve.of(robot, t, np.array([pin.integrate(solo.model, q0, rng.normal(0.0, 0.2, solo.nv)) for _ in t]))
+    start = np.linspace(0.0, 0.39, 40)
+    end = start + 0.01
+    ends = curve.at(np.concatenate([start, end]))[1].reshape(2, 40, -1)
+    least, most = limits_between(curve, robot.limits_at, start, end, ends)
+    for s in np.linspace(0.0, 1.0, 21):
+        low, high = robot.limits_at(curve.at(start + 0.01 * s)[1])
+        assert (least >= low - 1e-12).all() and (most <= high + 1e-12).all()
+    at_ends = np.minimum(*(robot.limits_at(v)[1] for v in ends))
+    assert (most < at_ends - 1e-3).any() and (at_ends - most < 0.5).all()
 
 
 def test_bounds_hold_on_random_curves(solo: rbd.Robot, rng: np.random.Generator):
