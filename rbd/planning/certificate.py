@@ -64,6 +64,15 @@ class Pushes:
         """The last knots before the middles of intervals, shape (m,)."""
         return (np.searchsorted(self.t, 0.5 * (start + end)) - 1).clip(0, len(self.t) - 2)
 
+    def rest(self, knot: Array) -> Array:
+        """Where points rest between knots and the next ones, shape (m, k, 3) [m]."""
+        return np.where(self.on[knot, :, None], self.places[knot], self.places[knot + 1])
+
+    def between(self, knot: Array, t: Array, on: Array) -> Array:
+        """Forces at times (2, m) after knots, on straight lines to the next ones, of points that are on, (2, m, k, 3) [N]."""
+        s = ((t - self.t[knot]) / (self.t[knot + 1] - self.t[knot]))[..., None, None]
+        return np.where(on[..., None], (1.0 - s) * self.forces[knot] + s * self.forces[knot + 1], 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
@@ -158,13 +167,12 @@ def examined(
     q, v, a = curve.at(np.concatenate([start, end]))
     terms = FrameTerms.of(robot, q, v, a, None)
     R, p = (x.reshape(2, m, *x.shape[1:]) for x in placements(robot, q))
-    rest, axes = np.where(pushes.on[knot, :, None], pushes.places[knot], pushes.places[knot + 1]), pushes.axes[knot]
+    rest, axes = pushes.rest(knot), pushes.axes[knot]
     both = np.concatenate([rest, rest])
     touches = np.concatenate([on, on])
     G = terms.wrench_map(both, touches).reshape(2, m, 6, 3 * k)
     unit = wrench_scale(robot)
-    s = ((np.array([start, end]) - pushes.t[knot]) / (pushes.t[knot + 1] - pushes.t[knot]))[..., None, None]
-    f = np.where(on[..., None], (1.0 - s) * pushes.forces[knot] + s * pushes.forces[knot + 1], 0.0)
+    f = pushes.between(knot, np.array([start, end]), on)
     room = _room(f, axes, pushes.friction, on)
     need = terms.wrench.reshape(2, m, 6)
     lacks = (need - each_times(G, f.reshape(2, m, -1))) / unit
@@ -189,6 +197,23 @@ def examined(
         start, end, on, f, tau, missing.max(axis=2), room, slack,
         *_between(curve, pushes, start, end, on, f, inside, back, full, rest, R, p, terms.com.reshape(2, m, 3)),
     )  # fmt: skip
+
+
+def at_instants(curve: Curve, pushes: Pushes, x: Intervals, t: Array) -> tuple[Array, Array]:
+    """(forces in W, torques) of the motion at n times: f(t) as above, shapes (n, k, 3) [N] and (n, nu) [N m]."""
+    robot, (i, s), k = curve.robot, x.at(t), len(pushes.joint)
+    knot, on = pushes.before(x.start[i], x.end[i]), x.on[i]
+    terms = FrameTerms.of(robot, *curve.at(t), None)
+    rest, axes = pushes.rest(knot), pushes.axes[knot]
+    room = _room(pushes.between(knot, np.array([x.start[i], x.end[i]]), on), axes, pushes.friction, on).min(axis=0)
+    unit = wrench_scale(robot)
+    scaled = terms.wrench_map(rest, on).reshape(-1, 6, 3 * k) / unit[:, None]
+    (back,), _ = _back(scaled[None], np.where(on, np.maximum(room, 0.0) ** 2, 0.0)[None])
+    s = s[:, None, None]
+    f = (1.0 - s) * x.forces[0, i] + s * x.forces[1, i]
+    f = f + each_times(back, terms.wrench / unit - each_times(scaled, f.reshape(-1, 3 * k))).reshape(f.shape)
+    maps = terms.joint_map(pushes.joint, rest, on, np.asarray(robot.actuated)).reshape(len(f), -1, 3 * k)
+    return f, terms.need[:, robot.actuated] - each_times(maps, f.reshape(-1, 3 * k))
 
 
 def limits_between(

@@ -25,7 +25,7 @@ from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.state import State
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import BodyPairs
-from rbd.planning.certificate import Intervals, Pushes, certified
+from rbd.planning.certificate import Intervals, Pushes, at_instants, certified
 from rbd.planning.contact_search import ContactSearch
 from rbd.planning.curve import Curve
 from rbd.planning.distances import too_far_apart
@@ -130,11 +130,6 @@ class Plan(Displayed):
         return float((np.abs(self.intervals.torques).max(axis=(0, 1)) / limit)[limit > 0.0].max(initial=0.0))
 
     @property
-    def torque_error(self) -> float:
-        """How far `torques(t)` are at most, at any time, from ones that give the motion, with forces in their cones [N m]."""
-        return float(self.intervals.off_line.max())
-
-    @property
     def missing(self) -> float:
         """Most of what forces leave of the wrench on the base at any time, over the weight, and over 0.3 m times the weight."""
         return float((self.intervals.missing.max(axis=0) + self.intervals.lost).max())
@@ -185,25 +180,28 @@ class Plan(Displayed):
     def forces(self, t: float) -> dict[str, Array]:
         """{contact: forces at its corners, in W, shape (k, 3) [N]} at a time, of the contacts that stand.
 
-        On straight lines between the ends of intervals; each is within `intervals.correction` of one that balances exactly.
+        They balance the motion, but for `missing`, and are in their cones where that is proved.
         """
-        i, s = self._at(t)
-        f = (1.0 - s) * self.intervals.forces[0, i] + s * self.intervals.forces[1, i]
+        x = self._time(t)
+        (f,), _ = at_instants(self.curve, self.pushes, self.intervals, np.array([x]))
+        i = int(self.intervals.at(x)[0])
         sizes = np.cumsum([len(np.asarray(c.corners)) for c in self.contacts.contacts])[:-1]
         each = zip(self.contacts.contacts, np.split(f, sizes), np.split(self.intervals.on[i], sizes), strict=True)
         return {c.name: part for c, part, on in each if on.any()}
 
     def torques(self, t: float) -> Array:
-        """Torques of the motors at a time, shape (nu,) [N, N m]: on straight lines between the ends of intervals.
+        """Torques of the motors at a time, shape (nu,) [N, N m]: with `forces(t)` they give the motion.
 
-        Those that give the motion exactly are within `torque_error` of them, and within their limits where it is proved.
+        They are within their limits where that is proved.
         """
-        i, s = self._at(t)
-        return np.asarray((1.0 - s) * self.intervals.torques[0, i] + s * self.intervals.torques[1, i])
+        return np.asarray(at_instants(self.curve, self.pushes, self.intervals, np.array([self._time(t)]))[1][0])
 
     @lazy
     def schedule(self) -> TorqueSchedule:
-        """Its torques over time, without feedback: linear between the ends of the intervals of its proof."""
+        """Its torques over time, without feedback: linear between the ends of the intervals of its proof.
+
+        They are off `torques(t)` between these by `intervals.off_line` at most.
+        """
         x = self.intervals
         t, tau = np.concatenate([x.start, x.end[-1:]]), np.concatenate([x.torques[0], x.torques[1, -1:]])
         return TorqueSchedule(t, tau)
@@ -218,11 +216,6 @@ class Plan(Displayed):
             raise InputError(f"{t!r:.40} s is outside of the plan; expected {self.curve.t[0]:g} to {self.curve.t[-1]:g} s.")
         return float(np.clip(x, self.curve.t[0], self.curve.t[-1]))
 
-    def _at(self, t: float) -> tuple[int, float]:
-        """(interval, share of it) at a time."""
-        i, share = self.intervals.at(self._time(t))
-        return int(i), float(share)
-
     @lazy
     def _axes(self) -> Array:
         return self.pushes.axes[self.pushes.before(self.intervals.start, self.intervals.end)]
@@ -236,7 +229,6 @@ class Plan(Displayed):
             f"  {len(x.start)} intervals of {1e3 * (x.end - x.start).min():.2g} to {1e3 * (x.end - x.start).max():.2g} ms, "
             "each with a bound of the second derivatives of wrench and torques",
             f"  friction: {self.friction_use:.0%} of mu used; torques: {self.torque_use:.0%} of their limits",
-            f"  between the ends of intervals torques are within {self.torque_error:.2g} N m of straight lines",
             f"  missing on the base: at most {self.missing:.1e} of the weight; drift of contacts: at most {drift:.2g} mm",
         ])  # fmt: skip
 
@@ -277,8 +269,8 @@ def plan(
             `rbd.SurfaceContact(...)`, with their own surface `on=` and friction. Times are rounded to knots, 20 to
             2.5 ms apart.
             "search": which foot is put down where, one after the other, between two keyframes in which all feet stand, is
-            found (`rbd.planning.contact_search`); each step, and what is between, gets an equal part of the time. Where feet
-            alone do not get there, it is tried with one of `hands` on its surface.
+            found (`rbd.planning.contact_search`); each step, and what is between, gets time by what moves. Where steps do not
+            get there, leaps are tried, and then steps with one of `hands` on its surface.
         friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find a plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan

@@ -16,7 +16,7 @@ from rbd.motion.frame_terms import FrameTerms, placements
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning import Plan
 from rbd.planning.bounds import Bounds
-from rbd.planning.certificate import FALLS, limits_between
+from rbd.planning.certificate import FALLS, at_instants, limits_between
 from rbd.planning.curve import Curve
 from rbd.planning.kept_limits import MEASURED, _apart, between
 from rbd.planning.stays import centre_of, planned_contacts
@@ -152,9 +152,16 @@ def test_torques_are_near_to_straight_lines(step: Plan, rng: np.random.Generator
         on, f = np.tile(x.on[i], (3, 1)), ((1.0 - s) * x.forces[0, i].ravel() + s * x.forces[1, i].ravel())
         maps = terms.joint_map(pushes.joint, np.tile(places, (3, 1, 1)), on, np.asarray(robot.actuated))
         tau = terms.need[:, robot.actuated] - each_times(maps.reshape(3, robot.nu, -1), f)
-        found += [np.abs(tau[k] - step.torques(t[k])).max() / x.off_line[i] for k in range(3)]
-    assert 1e-3 < np.max(found) <= 1.0
-    assert step.torque_error == x.off_line.max() and (x.bend <= 0.0).all()
+        line = (1.0 - s) * x.torques[0, i] + s * x.torques[1, i]
+        exact, exact_tau = at_instants(step.curve, pushes, x, t)
+        found += (np.abs([tau - line, exact_tau - line]).max(axis=2) / x.off_line[i]).ravel().tolist()
+        normal = exact @ pushes.axes[knot, 0, 2]
+        assert (np.linalg.norm(exact - normal[..., None] * pushes.axes[knot, 0, 2], axis=2) <= 0.6 * normal + 1e-9).all()
+        left = terms.wrench - np.einsum("kiab,kab->ki", terms.wrench_map(np.tile(places, (3, 1, 1)), on), exact)
+        assert np.abs(left).max() < 1e-9 * robot.mass
+        assert (np.abs(exact_tau) <= robot.effort_limit).all() and step.torques(t[1]) == pytest.approx(exact_tau[1])
+        assert sum(f.sum(axis=0) for f in step.forces(t[1]).values()) == pytest.approx(terms.wrench[1, :3], abs=1e-7)
+    assert 1e-3 < np.max(found) <= 1.0 and (x.bend <= 0.0).all()
 
 
 def test_limits_at_speed_hold_between_the_ends(solo: rbd.Robot, rng: np.random.Generator):
