@@ -13,7 +13,7 @@ import heapq
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ from rbd.model.state import State
 from rbd.motion.frame_terms import placements
 from rbd.motion.self_collision import DEEP_M, BodyPairs
 from rbd.planning.distances import apart
+from rbd.planning.free_times import parts_of
 from rbd.planning.helping import limited as limited_to
 from rbd.planning.stays import PlannedContacts, Stay, centre_of, planned_contacts
 from rbd.problem.ground import Ground
@@ -60,8 +61,6 @@ LEAPS, FIXED = 12, 0.8
 OFF, CROUCH, ROOM = 0.09, 0.035, 0.25
 """In a leap the centre of mass leaves the ground and lands lower than it stands by this share of its height over the feet, and
 crouches by so much more [m]. Where it leaves and lands legs have to reach farther, by this share of its way from there."""
-LEAST_WAY, SWINGS = 0.03, 1.0 / 3.0
-"""Of what gets how much time: a way of the centre of mass that is added to all [m]; a contact's counts as this share of it."""
 SAME = 1e-3
 """A foot whose places are nearer to each other does not step [m]."""
 
@@ -453,7 +452,8 @@ class ContactSearch:
         if fixed > FIXED * (end - start):
             least = math.ceil(100.0 * fixed / FIXED - 1e-6) / 100.0
             raise CannotPlan(f"leaps take {fixed:.2g} s without what is between; give {least:g} s or more", t=())
-        parts = parts_of([first, *(stage.pose for stage in stages)], [stage.way for stage in stages])
+        com = np.array([first.com, *(stage.pose.com for stage in stages)])
+        parts = parts_of(com, np.array([stage.way for stage in stages]))
         given_time = np.array([stage.time is not None for stage in stages])
         parts *= (end - start - fixed) / parts[~given_time].sum()
         parts[given_time] = [stage.time for stage in stages if stage.time is not None]
@@ -470,19 +470,6 @@ class ContactSearch:
         given: dict[Any, Any] = {foot.name: [*own, (land, end)] for foot, own, land in each}
         given |= {hand: [(t[0], t[-2])] for hand, _ in self.held}
         return planned_contacts(self.ends.robot, keys, given, friction=self.friction, ground=self.ground)
-
-
-def parts_of(poses: Sequence[State], ways: Sequence[float]) -> Array:
-    """What time from pose to pose grows with, shape (n - 1,): the root of what moves, as at equal accelerations.
-
-    That is the way of the centre of mass, or a third of that of a contact.
-
-    Args:
-        poses: In turn, n.
-        ways: How far a contact is moved before each of them but the first [m].
-    """
-    moved = [float(np.linalg.norm(y.com - x.com)) for x, y in pairwise(poses)]
-    return np.sqrt([LEAST_WAY + max(way, SWINGS * x) for way, x in zip(moved, ways, strict=True)])
 
 
 def grasps(hand: Contact, at: Array) -> list[Array]:

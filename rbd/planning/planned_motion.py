@@ -274,7 +274,8 @@ def plan(
         friction: Coulomb's coefficient of feet that are given by name; 86 % are used to find a plan, more at last: see `rate`.
         ground: What those feet stand on: a height [m], `rbd.Ground`, or `rbd.Terrain`.
         times: "given", or "free": all but those of flights are made longer or shorter by one factor, until the shortest plan
-            is found, within 10 % or of eight that are tried; those given are the first.
+            is found, within 10 % or of eight that are tried; those given are the first. Then with times that are shared out
+            by what moves, of four.
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
         limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
         self_collision: Whether bodies are kept apart.

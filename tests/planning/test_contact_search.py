@@ -11,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import CannotPlan, InputError
-from rbd.planning.contact_search import BUDGET, FLIGHT, LEAST_WAY, PUSH, ContactSearch, _inside, grasps, parts_of
+from rbd.planning.contact_search import BUDGET, FLIGHT, PUSH, ContactSearch, _inside, grasps
 from rbd.planning.stays import centre_of
 
 
@@ -125,14 +125,6 @@ def test_a_gap_that_is_leapt(solo: rbd.Robot, exhaustive: bool):
         plan = rbd.plan(solo, keys, "search", ground=terrain, progress=False)
         assert plan.proved
         follow(plan, terrain)
-
-
-def test_what_moves_far_gets_time(solo: rbd.Robot):
-    """Four times the way takes twice the time, but for what all get."""
-    stand = solo.standing()
-    ahead = [rbd.State(solo, stand.q + x * np.eye(solo.nq)[0]) for x in (0.0, 0.1 - LEAST_WAY, 0.5 - 2.0 * LEAST_WAY)]
-    assert parts_of(ahead, [0.0, 0.0]) == pytest.approx(np.sqrt([0.1, 0.4]))
-    assert parts_of([stand, stand], [0.3]) == pytest.approx(np.sqrt([LEAST_WAY + 0.1]))
 
 
 def test_a_gap_that_is_too_wide(solo: rbd.Robot):
