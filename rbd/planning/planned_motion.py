@@ -70,7 +70,7 @@ class Plan(Displayed):
         curve: Cubics of the coordinates.
         pushes: Forces of the plan at its knots.
         intervals: What is known of each interval of time, the proof.
-        between: Limits of joints and of speeds, bodies apart, at all times.
+        between: Limits of joints and of speeds at all times; bodies apart, where all forces are proved.
         friction: Coulomb's coefficient of feet that are given by name.
         floor: What they stand on.
 
@@ -424,10 +424,10 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     )  # fmt: skip
     curve = Curve.of(supports.robot, knots.t, q)
     keys = np.array([state.q for _, state in supports.keys])
-    return Plan(
-        supports.robot, supports, curve, pushes, certified(curve, pushes, knots.torques), between(curve, keys, knots.bodies),
-        friction, ground,
-    )  # fmt: skip
+    intervals = certified(curve, pushes, knots.torques)
+    bodies = knots.bodies if intervals.sure.all() else None  # else it is no plan however far they are apart
+    kept = between(curve, keys, bodies)
+    return Plan(supports.robot, supports, curve, pushes, intervals, kept, friction, ground)
 
 
 def _failure(
