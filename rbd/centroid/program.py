@@ -367,8 +367,8 @@ class CentroidProgram(Displayed):
 
 
 def inner_corners(corners: Array, share: float = INNER) -> Array:
-    """Corners of a sole, nearer to their middle by a quarter, or to a share, shape (k, 2) or (k, 3) [m]."""
-    middle = corners.mean(axis=0)
+    """Corners of soles, nearer to their middle by a quarter, or to a share, shape (..., k, 2) or (..., k, 3) [m]."""
+    middle = corners.mean(axis=-2, keepdims=True)
     return np.asarray(middle + share * (corners - middle))
 
 

@@ -75,7 +75,7 @@ class ContactPoints(Displayed):
         resultant = measured.to_world
         if resultant is None:
             each = np.broadcast_to(axes, (len(points), 3, 3))
-            resultant = np.concatenate([R[:, 3 - w :] for R, w in zip(each, of.widths, strict=True)], axis=1)
+            resultant = np.hstack([np.zeros((3, 0)), *(R[:, 3 - w :] for R, w in zip(each, of.widths, strict=True))])
             if measured.arms is not None:
                 moments = np.cross(np.repeat(measured.arms, of.widths, axis=0), resultant.T).T
                 resultant = np.concatenate([resultant, moments])

@@ -7,7 +7,8 @@ At both ends of an interval of length h forces f_0 and f_1 in their cones balanc
 with G the forces' map to the wrench, e(t) what the straight line leaves of the wrench that the motion takes, and weights W
 that grow with the room that each force has in its cone. |e| is at most h^2 / 8 times the largest second derivative of the
 wrench (`rbd.planning.bounds`), and a cone is convex: where the correction is smaller than the room at both ends, f(t) is in its
-cones at all times between them. Torques likewise. Intervals in which that does not follow are halved.
+cones at all times between them. Torques likewise; the limits that they are within are those at the largest speeds between, as
+the torque with which a motor drives does not rise with its speed. Intervals in which that does not follow are halved.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ FALLS = 2e-3
 """What may be missing of the wrench on the base where nothing touches, over the weight, and over 0.3 m times the weight."""
 
 
-_ONCE = ("start", "end", "on", "correction", "bend", "drift", "lost")
+_ONCE = ("start", "end", "on", "correction", "off_line", "bend", "drift", "lost")
 """What `Intervals` has once an interval, not at both ends."""
 
 
@@ -63,6 +64,15 @@ class Pushes:
         """The last knots before the middles of intervals, shape (m,)."""
         return (np.searchsorted(self.t, 0.5 * (start + end)) - 1).clip(0, len(self.t) - 2)
 
+    def rest(self, knot: Array) -> Array:
+        """Where points rest between knots and the next ones, shape (m, k, 3) [m]."""
+        return np.where(self.on[knot, :, None], self.places[knot], self.places[knot + 1])
+
+    def between(self, knot: Array, t: Array, on: Array) -> Array:
+        """Forces at times (2, m) after knots, on straight lines to the next ones, of points that are on, (2, m, k, 3) [N]."""
+        s = ((t - self.t[knot]) / (self.t[knot + 1] - self.t[knot]))[..., None, None]
+        return np.where(on[..., None], (1.0 - s) * self.forces[knot] + s * self.forces[knot + 1], 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
@@ -78,7 +88,8 @@ class Intervals:
         room: How far inside its cone each force is, shape (2, m, k) [N]; infinite of points that do not push.
         slack: How far torques are inside their limits, the nearest one, shape (2, m) [N m].
         correction: Bound of what is added to each force between the ends, shape (m, k) [N].
-        bend: Bound of how far torques are from a straight line, less their slack, the worst one, shape (m,) [N m].
+        off_line: Bound of how far torques are from a straight line between the ends, the largest one, shape (m,) [N m].
+        bend: The same, less how far they are inside their limits at the speeds between, the worst one, shape (m,) [N m].
         drift: Bound of how far a point is from where it rests, shape (m,) [m].
         lost: Bound of what forces cannot balance between the ends, as `missing`; zero where they span all wrenches, shape (m,).
     """
@@ -92,6 +103,7 @@ class Intervals:
     room: Array
     slack: Array
     correction: Array
+    off_line: Array
     bend: Array
     drift: Array
     lost: Array
@@ -155,13 +167,12 @@ def examined(
     q, v, a = curve.at(np.concatenate([start, end]))
     terms = FrameTerms.of(robot, q, v, a, None)
     R, p = (x.reshape(2, m, *x.shape[1:]) for x in placements(robot, q))
-    rest, axes = np.where(pushes.on[knot, :, None], pushes.places[knot], pushes.places[knot + 1]), pushes.axes[knot]
+    rest, axes = pushes.rest(knot), pushes.axes[knot]
     both = np.concatenate([rest, rest])
     touches = np.concatenate([on, on])
     G = terms.wrench_map(both, touches).reshape(2, m, 6, 3 * k)
     unit = wrench_scale(robot)
-    s = ((np.array([start, end]) - pushes.t[knot]) / (pushes.t[knot + 1] - pushes.t[knot]))[..., None, None]
-    f = np.where(on[..., None], (1.0 - s) * pushes.forces[knot] + s * pushes.forces[knot + 1], 0.0)
+    f = pushes.between(knot, np.array([start, end]), on)
     room = _room(f, axes, pushes.friction, on)
     need = terms.wrench.reshape(2, m, 6)
     lacks = (need - each_times(G, f.reshape(2, m, -1))) / unit
@@ -179,11 +190,42 @@ def examined(
     maps = terms.joint_map(pushes.joint, both, touches, np.asarray(robot.actuated)).reshape(2, m, -1, 3 * k)
     tau = terms.need[:, robot.actuated].reshape(2, m, -1) - each_times(maps, f.reshape(2, m, -1))
     least, most = (x.reshape(2, m, -1) for x in torques(v))
-    slack = np.minimum(tau - least, most - tau)
+    slack = np.minimum(tau - least, most - tau).min(axis=2)
+    least, most = limits_between(curve, torques, start, end, v.reshape(2, m, -1))
+    inside = np.minimum(tau - least, most - tau).min(axis=0)
     return Intervals(
-        start, end, on, f, tau, missing.max(axis=2), room, slack.min(axis=2),
-        *_between(curve, pushes, start, end, on, f, slack.min(axis=0), back, full, rest, R, p, terms.com.reshape(2, m, 3)),
+        start, end, on, f, tau, missing.max(axis=2), room, slack,
+        *_between(curve, pushes, start, end, on, f, inside, back, full, rest, R, p, terms.com.reshape(2, m, 3)),
     )  # fmt: skip
+
+
+def at_instants(curve: Curve, pushes: Pushes, x: Intervals, t: Array) -> tuple[Array, Array]:
+    """(forces in W, torques) of the motion at n times: f(t) as above, shapes (n, k, 3) [N] and (n, nu) [N m]."""
+    robot, (i, s), k = curve.robot, x.at(t), len(pushes.joint)
+    knot, on = pushes.before(x.start[i], x.end[i]), x.on[i]
+    terms = FrameTerms.of(robot, *curve.at(t), None)
+    rest, axes = pushes.rest(knot), pushes.axes[knot]
+    room = _room(pushes.between(knot, np.array([x.start[i], x.end[i]]), on), axes, pushes.friction, on).min(axis=0)
+    unit = wrench_scale(robot)
+    scaled = terms.wrench_map(rest, on).reshape(-1, 6, 3 * k) / unit[:, None]
+    (back,), _ = _back(scaled[None], np.where(on, np.maximum(room, 0.0) ** 2, 0.0)[None])
+    s = s[:, None, None]
+    f = (1.0 - s) * x.forces[0, i] + s * x.forces[1, i]
+    f = f + each_times(back, terms.wrench / unit - each_times(scaled, f.reshape(-1, 3 * k))).reshape(f.shape)
+    maps = terms.joint_map(pushes.joint, rest, on, np.asarray(robot.actuated)).reshape(len(f), -1, 3 * k)
+    return f, terms.need[:, robot.actuated] - each_times(maps, f.reshape(-1, 3 * k))
+
+
+def limits_between(
+    curve: Curve, torques: Callable[[Array], tuple[Array, Array]], start: Array, end: Array, v: Array
+) -> tuple[Array, Array]:
+    """(least, most) torques at all times of m intervals, shapes (m, nu): those at the largest speeds each way.
+
+    Speeds are on the straight line between those at both ends, v (2, m, nv), up to h^2 / 8 times the largest third derivative
+    of the joints. Torques with which motors drive do not rise with speed.
+    """
+    off = curve.sizes(start, end)[2] * ((end - start) ** 2 / 8.0)[:, None]
+    return torques(v.min(axis=0) - off)[0], torques(v.max(axis=0) + off)[1]
 
 
 def _back(scaled: Array, weights: Array) -> tuple[Array, Array]:
@@ -207,10 +249,10 @@ def _room(f: Array, axes: Array, mu: Array, on: Array) -> Array:
 
 
 def _between(
-    curve: Curve, pushes: Pushes, start: Array, end: Array, on: Array, f: Array, slack: Array, back: Array, full: Array,
+    curve: Curve, pushes: Pushes, start: Array, end: Array, on: Array, f: Array, inside: Array, back: Array, full: Array,
     rest: Array, R: Array, p: Array, com: Array,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """(correction, bend, drift, lost) of `Intervals`."""
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+    """(correction, off_line, bend, drift, lost) of `Intervals`; `inside`: how far torques are inside their limits, (m, nu)."""
     robot, model = curve.robot, curve.robot.model
     h, m = end - start, len(start)
     bounds = Bounds.of(robot, curve.sizes(start, end))
@@ -248,4 +290,5 @@ def _between(
     bend = bounds.torques(moves, joints, apart, points, size.T, changes) * h**2 / 8.0
     arms = np.where(np.isfinite(points), points, 0.0)
     bend = bend + np.einsum("jkm,mk->jm", arms, correction * on) + np.einsum("jk,mk->jm", moves[:, pushes.joint], size * drift)
-    return correction, (bend.T - slack).max(axis=1), drift.max(axis=1, initial=0.0), lost
+    worst = (bend.T - inside).max(axis=1)
+    return correction, bend.max(axis=0, initial=0.0), worst, drift.max(axis=1, initial=0.0), lost

@@ -2,8 +2,9 @@
 
 Footholds are on the way of each foot, where a whole foot stands (`Floor`). A step is possible where the robot can stand still
 on the other feet at both places of the foot: in reach, bodies apart, forces within friction, torques within limits. Each
-sequence that is found so is planned. Where feet alone do not get there, a hand is put onto its own surface before the first
-step and taken away after the last, at places near to where it is.
+sequence that is found so is planned. Where steps do not get there, leaps are tried, in which all feet leave the ground at once
+and land on the next places of their ways; and where these do not, a hand is put onto its own surface before the first step and
+taken away after the last, at places near to where it is.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import heapq
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,7 @@ from rbd.model.state import State
 from rbd.motion.frame_terms import placements
 from rbd.motion.self_collision import DEEP_M, BodyPairs
 from rbd.planning.distances import apart
+from rbd.planning.free_times import parts_of
 from rbd.planning.helping import limited as limited_to
 from rbd.planning.stays import PlannedContacts, Stay, centre_of, planned_contacts
 from rbd.problem.ground import Ground
@@ -51,6 +54,13 @@ GRASPS, GRID, AROUND = 4, 0.1, 0.5
 """Places of each hand that are tried; how far they are from each other, and from where the hand is, at most [m]."""
 LEANS = (0.0, 0.2)
 """The centre of mass is this share of the way from feet to a hand, the first with which a step is possible."""
+PUSH, FLIGHT = 0.2, 0.3
+"""How long a leap takes to leave the ground, and to come to rest; and how long nothing stands, on level ground [s]."""
+LEAPS, FIXED = 12, 0.8
+"""Leaps that are tested, at most; the share of the time that they may take."""
+OFF, CROUCH, ROOM = 0.09, 0.035, 0.25
+"""In a leap the centre of mass leaves the ground and lands lower than it stands by this share of its height over the feet, and
+crouches by so much more [m]. Where it leaves and lands legs have to reach farther, by this share of its way from there."""
 SAME = 1e-3
 """A foot whose places are nearer to each other does not step [m]."""
 
@@ -71,6 +81,59 @@ class Step:
     lift: State
     land: State
 
+    def stages(self, at: Sequence[pin.SE3]) -> list[Stage]:
+        """Up to where it is lifted and where it lands, from where feet are."""
+        way = float(np.linalg.norm(self.X.translation - at[self.foot].translation))
+        return [Stage(self.lift, lifts=(self.foot,)), Stage(self.land, way, lands={self.foot: self.X})]
+
+
+@dataclass(frozen=True, eq=False)
+class Leap:
+    """All feet leave the ground at once, and land elsewhere.
+
+    Attributes:
+        to: Where each lands.
+        low: The pose from which it pushes off.
+        off: In which it leaves the ground.
+        land: In which it lands.
+        caught: In which it comes to rest.
+        flight: How long nothing stands [s].
+    """
+
+    to: tuple[pin.SE3, ...]
+    low: State
+    off: State
+    land: State
+    caught: State
+    flight: float
+
+    def stages(self, _: Sequence[pin.SE3]) -> list[Stage]:
+        """Down, off the ground, onto it, and at rest."""
+        feet = range(len(self.to))
+        return [
+            Stage(self.low), Stage(self.off, time=PUSH, lifts=tuple(feet)),
+            Stage(self.land, time=self.flight, lands=dict(zip(feet, self.to, strict=True))), Stage(self.caught, time=PUSH),
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What comes before a keyframe, and changes there.
+
+    Attributes:
+        pose: The keyframe.
+        way: How far a contact is moved before it [m].
+        time: How long it takes [s]; None: by what moves.
+        lifts: Feet that are lifted there.
+        lands: Where feet land there.
+    """
+
+    pose: State
+    way: float = 0.0
+    time: float | None = None
+    lifts: tuple[int, ...] = ()
+    lands: Mapping[int, pin.SE3] = field(default_factory=dict)
+
 
 @dataclass(frozen=True, eq=False)
 class ContactSearch:
@@ -86,7 +149,7 @@ class ContactSearch:
         hands: Contacts that may help, each with its own surface.
         held: (hand, place) of those that rest during all steps.
         tried: What was tried in vain, in words.
-        tested: Steps that were tested, and what came of them.
+        tested: Steps and leaps that were tested, and what came of them.
     """
 
     ends: PlannedContacts
@@ -98,7 +161,7 @@ class ContactSearch:
     hands: tuple[Contact, ...] = ()
     held: tuple[tuple[Contact, Array], ...] = ()
     tried: list[str] = field(default_factory=list)
-    tested: dict[tuple[Any, ...], Step | str] = field(default_factory=dict)
+    tested: dict[tuple[Any, ...], Step | Leap | str] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -138,23 +201,22 @@ class ContactSearch:
         Raises:
             CannotPlan: none was found; with what was tried.
         """
-        last, count, tested = None, 0, 0
+        last, count, tested, left = None, 0, 0, PLANNED
         for held in self.supports():
             search = replace(self, held=held, tested={})
-            for steps in search.sequences():
-                count += 1
+            found: list[Iterator[Sequence[Step | Leap]]] = [search.sequences(), *[search.leaps()] * (not held)]
+            for moves in (x for own in found for x in islice(own, left if held else PLANNED)):
+                count, left = count + 1, left - bool(held)
                 try:
-                    return planned(search.contacts(steps))
+                    return planned(search.contacts(moves))
                 except (CannotPlan, CannotReach, InputError) as error:
-                    words = ", ".join([*search.held_words, *(self._words(step.foot, step.X) for step in steps)])
-                    self.tried.append(f"{words}: {error}")
+                    words = [word for move in moves for word in self._words_of(move)]
+                    self.tried.append(f"{', '.join([*search.held_words, *words])}: {error}")
                     last = error
-                if count == PLANNED * (1 + bool(held)):
-                    break
             tested += len(search.tested)
-            if count == 2 * PLANNED:
+            if not left:
                 break
-        said = f"{tested} steps were tested, and {count} sequences of them planned"
+        said = f"{tested} steps and leaps were tested, and {count} sequences of them planned"
         raise CannotPlan(
             f"no sequence of contacts of {self.robot.name} was found: {said}. {'; '.join(self.tried[-4:])}",
             tried=tuple(self.tried), plan=getattr(last, "plan", None), momentum=getattr(last, "momentum", None),
@@ -187,6 +249,63 @@ class ContactSearch:
                     found.add(key)
                     yield steps
 
+    def leaps(self) -> Iterator[list[Leap]]:
+        """Leaps from the first to the last pose, few first."""
+        for n in STEPS:
+            places = self._places(n)
+            most = max(map(len, places))
+            if any(len(own) not in (1, most) for own in places) or most == 1:
+                continue
+            leaps, before = list[Leap](), self.ends.keys[0][1]
+            for k in range(1, most):
+                at, to = ([own[min(i, len(own) - 1)] for own in places] for i in (k - 1, k))
+                key = ("leap", *np.round([x for X in (*at, *to) for x in X.translation], 6))
+                if sum(x[0] == "leap" for x in self.tested) >= LEAPS:
+                    break
+                self.tested[key] = leap = self._leap(at, to, before)
+                if isinstance(leap, str):
+                    self.tried.append(f"{', '.join(self._words_of(to))}: {leap}")
+                    break
+                leaps.append(leap)
+                before = leap.caught
+            else:
+                yield leaps
+
+    def _leap(self, at: list[pin.SE3], to: list[pin.SE3], before: State) -> Leap | str:
+        """The leap, or why it is none."""
+        for X in (at, to):
+            if far := self._far(X):
+                return far
+        state = self.ends.keys[0][1]
+        from_feet = state.com - np.mean([own[0].X.translation for own in self.ends.stays], axis=0)
+        start, end = (np.mean([X.translation for X in each], axis=0) + from_feet for each in (at, to))
+        g = float(np.linalg.norm(self.robot.gravity))
+        low = g * FLIGHT**2 / 8.0  # over the higher of both places
+        high = low + abs(float(end[2] - start[2]))
+        flight = math.sqrt(2.0 * low / g) + math.sqrt(2.0 * high / g)
+        # At constant acceleration it is as fast when it leaves as in the flight, and the legs carry more than the weight.
+        ahead, more = 0.5 * PUSH / (PUSH + flight) * (end - start), 1.0 + math.sqrt(2.0 * high / g) / PUSH
+        down = OFF * from_feet[2] * np.eye(3)[2]
+        ahead[2] = 0.0
+        places = [start - down - [0.0, 0.0, CROUCH], start + ahead - down, end - ahead - down, end - down - [0.0, 0.0, CROUCH]]
+        poses = [before]
+        try:
+            for com, X in zip(places, (at, at, to, to), strict=True):
+                poses.append(self._pose(X, com, poses[-1]))
+            for pose, X, way in ((poses[2], at, ahead), (poses[3], to, -ahead)):  # legs are not straight there
+                self._pose(X, pose.com + ROOM * way, pose)
+            for pose in (poses[1], poses[4]):
+                hold(State(limited_to(self.robot, 1.0 / more), pose.q), self.feet, margin=0.1)
+        except (CannotReach, InputError) as error:
+            return str(error)
+        except CannotMove as error:
+            return f"pushes with {more:.2g} times its weight: {str(error).split('. ')[0]}"
+        overlaps = [words for pose in poses[1:] if (words := self._overlap(pose))]
+        if overlaps:
+            return f"bodies overlap: {overlaps[0]}"
+        _, crouched, off, land, caught = poses
+        return Leap(tuple(to), crouched, off, land, caught, flight)
+
     def _places(self, n: int) -> list[list[pin.SE3]]:
         """Footholds of each foot, the first and the last among them."""
         out = []
@@ -198,8 +317,9 @@ class ContactSearch:
                 yaw, along = math.atan2(X.rotation[1, 0], X.rotation[0, 0]), way[:2] / (np.linalg.norm(way[:2]) or 1.0)
                 try:
                     own.append(self.floor.nearest(foot.name, X.translation, yaw, along, float(X.translation[2])))
-                except InputError as error:
-                    self.tried.append(str(error))
+                except InputError:
+                    x, y = X.translation[:2]
+                    self.tried.append(f"{foot.name!r:.80} finds no place near ({x:.2f}, {y:.2f}) m on which all of it rests")
             out.append([*own, b.X] if moves else own)
         return out
 
@@ -234,7 +354,9 @@ class ContactSearch:
             self.tested[key] = found = self._step(at, f, X, steps[-1].land if steps else self.ends.keys[0][1])
             if isinstance(found, str):
                 self.tried.append(f"{', '.join([*self.held_words, self._words(f, X)])}: {found}")
-        return self.tested[key]
+        known = self.tested[key]
+        assert not isinstance(known, Leap)
+        return known
 
     def _step(self, at: list[pin.SE3], f: int, X: pin.SE3, before: State) -> Step | str:
         stands = [foot for i, foot in enumerate(self.feet) if i != f]
@@ -260,7 +382,7 @@ class ContactSearch:
             land = self._pose([X if i == f else own for i, own in enumerate(at)], com, lift)
             for state in (lift, land):
                 hold(State(self.robot, state.q), stands, margin=0.1)
-        except CannotReach as error:
+        except (CannotReach, InputError) as error:  # a foot may be beyond the border of its terrain
             return str(error)
         except CannotMove as error:
             return str(error).split(". ")[0]
@@ -269,8 +391,8 @@ class ContactSearch:
 
     def _far(self, at: list[pin.SE3]) -> str:
         """Why feet at these places are out of reach of each other in whatever pose; empty where they are not."""
-        stays = [(c, Stay(0.0, 0.0, X, X.rotation[:, 2])) for c, X in zip(self.feet, at, strict=True)]
-        stays += [(c, Stay(0.0, 0.0, pin.SE3(np.eye(3), p), np.zeros(3))) for c, p in self.held]
+        stays = [(c, Stay(0.0, 0.0, X, X.rotation[:, 2], np.asarray(c.corners))) for c, X in zip(self.feet, at, strict=True)]
+        stays += [(c, Stay(0.0, 0.0, pin.SE3(np.eye(3), p), np.zeros(3), np.asarray(c.corners))) for c, p in self.held]
         pairs = (apart(self.robot, x, y) for i, x in enumerate(stays) for y in stays[i + 1 :])
         worst = max(pairs, key=lambda x: x.distance - x.longest, default=None)
         if worst is None or worst.distance <= worst.longest:
@@ -295,33 +417,58 @@ class ContactSearch:
         names = (f"{self.bodies.shapes[i][1]!r:.40} and {self.bodies.shapes[j][1]!r:.40}" for i, j, _ in pairs)
         return next(names, "")
 
+    def _words_of(self, move: Step | Leap | Sequence[pin.SE3]) -> list[str]:
+        """Where feet are put down, in words."""
+        if isinstance(move, Step):
+            return [self._words(move.foot, move.X)]
+        return ["leap of " + " and ".join(self._words(f, X) for f, X in enumerate(move.to if isinstance(move, Leap) else move))]
+
     def _words(self, f: int, X: pin.SE3) -> str:
         x, y, z = np.round(X.translation, 2) + 0.0
         return f"{self.feet[f].name!r:.80} to ({x:.2f}, {y:.2f}, {z:.2f}) m"
 
-    def contacts(self, steps: list[Step]) -> PlannedContacts:
-        """Keyframes and contacts of a sequence: equal times for each step and for what is before, between and after them.
+    def contacts(self, moves: Sequence[Step | Leap]) -> PlannedContacts:
+        """Keyframes and contacts of a sequence: each step, and what is before, between and after, gets time by what moves.
 
-        Hands are put down one such time before the first step, and taken away one after the last.
+        Hands are put down before the first step, and taken away after the last.
+
+        Raises:
+            CannotPlan: leaps take more time than there is.
         """
         (start, first), (end, last) = self.ends.keys
-        more = bool(self.held)
-        t = np.linspace(start, end, 2 * len(steps) + 2 + 2 * more)
-        keys: dict[float, Any] = {float(t[0]): first, float(t[-1]): last}
-        lands, stays = [float(t[0])] * len(self.feet), [list[tuple[float, float]]() for _ in self.feet]
-        for k, step in enumerate(steps):
-            lift, land = float(t[2 * k + 1 + more]), float(t[2 * k + 2 + more])
-            keys |= {lift: step.lift, land: step.land}
-            stays[step.foot].append((lands[step.foot], lift))
-            lands[step.foot] = land
-        given: dict[Any, Any] = {
-            foot.name: [*own, (land, float(t[-1]))] for foot, own, land in zip(self.feet, stays, lands, strict=True)
-        }
-        if more:
-            at = [own[0].X for own in self.ends.stays]
-            keys[float(t[1])] = self._pose(at, first.com[:2], first)
-            keys[float(t[-2])] = steps[-1].land
-            given |= {hand: [(float(t[1]), float(t[-2]))] for hand, _ in self.held}
+        at, more = [own[0].X for own in self.ends.stays], bool(self.held)
+        grasped, freed = (
+            max((float(np.linalg.norm(p - centre_of(state, hand).translation)) for hand, p in self.held), default=0.0)
+            for state in (first, last)
+        )
+        stages = [Stage(self._pose(at, first.com[:2], first), grasped)] * more
+        for move in moves:
+            new = move.stages(at)
+            stages += new
+            for stage in new:
+                at = [stage.lands.get(f, X) for f, X in enumerate(at)]
+        stages += [Stage(stages[-1].pose)] * more + [Stage(last, freed)]
+        fixed = sum(stage.time or 0.0 for stage in stages)
+        if fixed > FIXED * (end - start):
+            least = math.ceil(100.0 * fixed / FIXED - 1e-6) / 100.0
+            raise CannotPlan(f"leaps take {fixed:.2g} s without what is between; give {least:g} s or more", t=())
+        com = np.array([first.com, *(stage.pose.com for stage in stages)])
+        parts = parts_of(com, np.array([stage.way for stage in stages]))
+        given_time = np.array([stage.time is not None for stage in stages])
+        parts *= (end - start - fixed) / parts[~given_time].sum()
+        parts[given_time] = [stage.time for stage in stages if stage.time is not None]
+        t = (start + np.cumsum(parts)).tolist()
+        t[-1] = end
+        keys: dict[float, Any] = {start: first} | {x: stage.pose for x, stage in zip(t, stages, strict=True)}
+        lands, stays = [start] * len(self.feet), [list[tuple[float, float]]() for _ in self.feet]
+        for x, stage in zip(t, stages, strict=True):
+            for f in stage.lifts:
+                stays[f].append((lands[f], x))
+            for f in stage.lands:
+                lands[f] = x
+        each = zip(self.feet, stays, lands, strict=True)
+        given: dict[Any, Any] = {foot.name: [*own, (land, end)] for foot, own, land in each}
+        given |= {hand: [(t[0], t[-2])] for hand, _ in self.held}
         return planned_contacts(self.ends.robot, keys, given, friction=self.friction, ground=self.ground)
 
 

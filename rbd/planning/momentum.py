@@ -101,7 +101,7 @@ class Momentum:
         for contact, own in zip(supports.contacts, supports.stays, strict=True):
             corners, mu = np.asarray(contact.corners), share * coefficient_of(contact)
             for s in own:
-                points = (corners - corners.mean(axis=0)) @ s.X.rotation.T + s.X.translation - first[1].com
+                points = (s.corners - corners.mean(axis=0)) @ s.X.rotation.T + s.X.translation - first[1].com
                 axes = np.array([*across(s.normal), s.normal])
                 stays.append(Standing(contact.name, s.start - first[0], s.end - first[0], points, axes, mu))
         keys = supports.keys[1:] if between else supports.keys[-1:]
@@ -179,6 +179,21 @@ class Momentum:
             now = max(now, end)
         T = float(self.t[-1])
         return tuple(out + ([(now, T)] if T - now > 1e-9 else []))
+
+    @lazy
+    def high_flight(self) -> str | None:
+        """What the longest flight takes, in words, if it rises higher than the centre of mass can be over what stands.
+
+        In a time T from one height to the same it rises by g T^2 / 8, and leaves the ground with g T / 2.
+        """
+        start, end = max(self.flights, key=lambda x: x[1] - x[0], default=(0.0, 0.0))
+        T, g, reach = end - start, float(np.linalg.norm(self.gravity)), max((x.radius for x in self.near), default=np.inf)
+        if g * T**2 / 8.0 <= reach:
+            return None
+        return (
+            f"Nothing stands {_span(start, end)}: the centre of mass has to leave with about {0.5 * g * T:.2g} m/s and to rise "
+            f"by about {g * T**2 / 8.0:.2g} m, and can be {reach:.2g} m from a contact at most."
+        )
 
     @lazy
     def limits(self) -> tuple[Limit, ...]:

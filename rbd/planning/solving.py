@@ -122,10 +122,19 @@ class Knots:
 
     def places(self, R: Array, p: Array) -> Array:
         """Where forces act, for contacts placed so, shape (n, k, 3) [m]."""
-        out = []
-        for f, contact in enumerate(self.supports.contacts):
-            out.append(inner_corners(np.asarray(contact.corners), self.inner) @ R[:, f].swapaxes(1, 2) + p[:, f, None])
-        return np.concatenate(out, axis=1)
+        return self._placed([inner_corners(x, self.inner) for x in self._corners], R, p)
+
+    def corners(self, R: Array, p: Array) -> Array:
+        """Corners of contacts placed so, shape (n, k, 3) [m]."""
+        return self._placed(self._corners, R, p)
+
+    @lazy
+    def _corners(self) -> list[Array]:
+        return self.supports.corners(self.t)
+
+    @staticmethod
+    def _placed(corners: list[Array], R: Array, p: Array) -> Array:
+        return np.concatenate([x @ R[:, f].swapaxes(1, 2) + p[:, f, None] for f, x in enumerate(corners)], axis=1)
 
     def solved(self, done: Callable[[float], None]) -> tuple[Array, CentroidPlan]:
         """(q, forces): poses that move as their contacts allow, from the first keyframe to the last, shape (n, nq).

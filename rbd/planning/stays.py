@@ -12,7 +12,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_float, lazy
 from rbd.constraints.contact import Contact
+from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.constraints.surface import On
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.walking.footsteps import centre_of
 from rbd.control.walking.swings import Swing
 from rbd.errors import CannotReach, InputError
@@ -45,12 +47,14 @@ class Stay:
         end: Last instant [s].
         X: Pose of its centre.
         normal: Of what it stands on, shape (3,).
+        corners: Its corners, those over an edge moved to what rests, in its axes, shape (k, 3) [m].
     """
 
     start: float
     end: float
     X: pin.SE3
     normal: Array
+    corners: Array
 
     def holds(self, t: float) -> bool:
         """Whether it stands at a time, both ends counted."""
@@ -92,6 +96,16 @@ class PlannedContacts:
 
         moved = [[replace(s, start=nearest(s.start), end=nearest(s.end)) for s in own] for own in self.stays]
         return replace(self, stays=tuple(map(tuple, moved)), keys=tuple((nearest(x), state) for x, state in self.keys))
+
+    def corners(self, t: Array) -> list[Array]:
+        """Where each contact's corners are at times, in its axes, shapes (n, k, 3) [m]: of what rests where it stands."""
+        out = []
+        for contact, own in zip(self.contacts, self.stays, strict=True):
+            each = np.tile(np.asarray(contact.corners), (len(t), 1, 1))
+            for s in own:
+                each[[s.holds(x) for x in t]] = s.corners
+            out.append(each)
+        return out
 
     def on(self, t: Array) -> Array:
         """Which contacts stand at times, shape (n, contacts)."""
@@ -189,8 +203,8 @@ def planned_contacts(
         stands, earlier = [known[i] for i, _ in there], [x for x in states if x < t]
         states[t] = _pose(robot, t, by_time[t], placed, stands, feet, ground, states[max(earlier)] if earlier else None)
         for i, k in there:
-            normal = _touched(known[i], states[t], t)
-            stays[i][k] = stays[i][k] or Stay(*spans[i][k], centre_of(states[t], known[i]), normal)
+            normal, corners = _touched(known[i], states[t], t)
+            stays[i][k] = stays[i][k] or Stay(*spans[i][k], centre_of(states[t], known[i]), normal, corners)
     keys = [(t, states[t]) for t in times]
     for contact, own, each in zip(known, stays, spans, strict=True):
         for stay, (a, b) in zip(own, each, strict=True):
@@ -258,16 +272,27 @@ def _pose(
     except CannotReach as error:
         error.args = (f"the keyframe at {t:g} s is out of reach: {error.args[0]}",)
         raise
+    except InputError as error:  # a foot beyond the border of its terrain, among others
+        error.args = (f"targets of the keyframe at {t:g} s, of {', '.join(sorted(map(repr, named))):.120}: {error.args[0]}",)
+        raise
     for contact, stay in placed.items():
         _off(contact, stay, found, t)
     return found
 
 
-def _touched(contact: Contact, state: State, t: float) -> Array:
-    """Normal of what a contact stands on, shape (3,); one that floats or is inside its surface is refused."""
-    points = contact.points(state)
+def _touched(contact: Contact, state: State, t: float) -> tuple[Array, Array]:
+    """(normal of what a contact stands on, shape (3,); corners of what rests of it, as `Stay.corners`).
+
+    One that floats, is inside its surface, or beyond the border of its terrain is refused.
+    """
+    points, corners = contact.points(state), np.asarray(contact.corners)
     if points is None:
-        return np.asarray(centre_of(state, contact).rotation[:, 2])
+        return np.asarray(centre_of(state, contact).rotation[:, 2]), corners
+    if not len(points.gaps) and isinstance(contact.on, Terrain):
+        raise InputError(
+            f"{contact.name!r:.80} is to stand at {t:g} s, and the keyframe has it where no terrain is within 1 mm: over a "
+            "gap, beyond a border, or in the air; give a pose of rbd.find_pose, or its targets as the keyframe."
+        )
     gap = np.asarray(points.gaps)
     worst = float(gap[np.abs(gap).argmax()]) if len(gap) else 0.0
     floats = contact.on is not None and np.abs(gap).min(initial=np.inf if len(gap) else 0.0) >= OFF_M
@@ -277,7 +302,19 @@ def _touched(contact: Contact, state: State, t: float) -> Array:
             f"{contact.name!r:.80} is to stand at {t:g} s, and the keyframe has it {1e3 * abs(worst):.1f} mm {where} its "
             "surface; give a pose of rbd.find_pose, or its targets as the keyframe."
         )
-    return np.asarray(points.axes.reshape(-1, 3, 3)[0, :, 2])
+    if isinstance(contact.on, Terrain) and len(corners) > 1:
+        X = centre_of(state, contact) * pin.SE3(np.eye(3), -corners.mean(axis=0))
+        corners = resting_corners(corners, (points.positions - X.translation) @ X.rotation)
+    return np.asarray(points.axes.reshape(-1, 3, 3)[0, :, 2]), corners
+
+
+def resting_corners(corners: Array, rests: Array) -> Array:
+    """Corners of a sole, those outside of the hull of points that rest moved to its edge, shape (k, 3), in its axes [m]."""
+    out, hull = corners.copy(), convex_hull(rests[:, :2])
+    for corner in out:
+        if inside_distance(corner[:2], hull) < -EXACT:
+            corner[:2] = nearest_on_edge(corner[:2], hull)
+    return out
 
 
 def _off(contact: Contact, stay: Stay, state: State, t: float) -> float:

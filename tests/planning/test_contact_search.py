@@ -11,7 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import CannotPlan, InputError
-from rbd.planning.contact_search import BUDGET, ContactSearch, _inside, grasps
+from rbd.planning.contact_search import BUDGET, FLIGHT, PUSH, ContactSearch, _inside, grasps
 from rbd.planning.stays import centre_of
 
 
@@ -102,13 +102,39 @@ def test_steps_are_held_on_the_other_feet(solo: rbd.Robot):
     assert (heights[free == 0.0] == pytest.approx(0.0, abs=1e-9)) and (heights.max(axis=0) > 0.9 * supports.lift).all()
 
 
+def test_a_gap_that_is_leapt(solo: rbd.Robot, exhaustive: bool):
+    """40 cm, wider than a step: two leaps, no foot lands in the gap; planned and followed in an exhaustive run."""
+    terrain, keys = gap(0.4), {0.0: solo.standing(), 3.0: moved(solo, [0.9, 0.0, 0.0])}
+    search = search_of(solo, keys, terrain)
+    leaps = next(search.leaps())
+    assert len(leaps) == 2 and any("leap of" in words and "out of reach" in words for words in search.tried)  # one of 90 cm
+    for leap in leaps:
+        x = np.array([X.translation[0] for X in leap.to])
+        assert ((x < 0.22 - 0.015 + 1e-9) | (x > 0.62 + 0.015 - 1e-9)).all()
+        way = leap.land.com - leap.off.com  # it flies as fast as it is after 0.2 s from rest at constant acceleration
+        assert way[0] / FLIGHT == pytest.approx(2.0 * (leap.off.com - leap.low.com)[0] / PUSH, rel=1e-6)
+    supports = search.contacts(leaps)
+    spans = {foot.name: supports.intervals(foot.name) for foot in solo.feet()}
+    assert supports.flies and len(set(map(str, spans.values()))) == 1
+    (a, b), (c, d), (e, f) = spans["front_left"]
+    assert (a, f) == (0.0, 3.0) and [c - b, e - d] == pytest.approx([FLIGHT, FLIGHT])
+    with pytest.raises(CannotPlan, match="leaps take 1.4 s .* give 1.75 s or more"):
+        search_of(solo, {0.0: solo.standing(), 1.5: keys[3.0]}, terrain).contacts(leaps)
+    if exhaustive:
+        assert next(search.sequences(), None) is None  # it cannot be stepped over
+        plan = rbd.plan(solo, keys, "search", ground=terrain, progress=False)
+        assert plan.proved
+        follow(plan, terrain)
+
+
 def test_a_gap_that_is_too_wide(solo: rbd.Robot):
-    """40 cm: refused within the budget, with each step that was tried and what stopped it."""
-    keys = {0.0: solo.standing(), 9.0: moved(solo, [0.9, 0.0, 0.0])}
-    with pytest.raises(CannotPlan, match="steps were tested, and 0 sequences of them planned") as caught:
-        rbd.plan(solo, keys, "search", ground=gap(0.4), progress=False)
+    """80 cm: refused within the budget, with each step and leap that was tried and what stopped it."""
+    keys = {0.0: solo.standing(), 9.0: moved(solo, [1.3, 0.0, 0.0])}
+    with pytest.raises(CannotPlan, match="steps and leaps were tested, and 0 sequences of them planned") as caught:
+        rbd.plan(solo, keys, "search", ground=gap(0.8), progress=False)
     tried = caught.value.tried
-    assert 8 <= len(tried) <= BUDGET + 24 and any("out of reach" in words for words in tried)
+    assert 8 <= len(tried) <= BUDGET + 48 and any("out of reach" in words for words in tried)
+    assert any("no place near" in words for words in tried) and any("leap of" in words for words in tried)
     assert any(foot.name in words for words in tried for foot in solo.feet())
 
 
@@ -132,7 +158,7 @@ def test_a_hand_on_a_rail_where_legs_are_too_weak(talos: rbd.Robot, exhaustive: 
     """65 % of the legs' torques: neither leg lifts it onto 20 cm, and it does with a hand; planned in an exhaustive run."""
     legs = {name: x for name, x in zip(talos.actuated_names, talos.effort_limit, strict=True) if name.startswith("leg")}
     weak, hand = talos.with_motors({name: rbd.Motor(limit=0.65 * x) for name, x in legs.items()}), rail_of(talos)
-    keys, terrain = {0.0: weak.standing(), 8.0: moved(weak, [0.4, 0.0, 0.2])}, box(0.2)
+    keys, terrain = {0.0: weak.standing(), 6.0: moved(weak, [0.4, 0.0, 0.2])}, box(0.2)
     search = ContactSearch.of(
         weak, keys, friction=0.6, ground=terrain, limited=weak, self_collision=True, hands=[hand]
     )  # fmt: skip

@@ -36,10 +36,15 @@ def test_no_pose_is_farther(name: str, rng: np.random.Generator):
         state = rbd.State(robot, q)
         X, Y = centre_of(state, one), centre_of(state, other)
         centre, radius = centre_of_mass_near(robot, one, X)
-        far = apart(robot, (one, Stay(0.0, 1.0, X, X.rotation[:, 2])), (other, Stay(0.0, 1.0, Y, Y.rotation[:, 2])))
+        far = apart(robot, (one, _stay(one, X)), (other, _stay(other, Y)))
         shares.append((np.linalg.norm(state.com - centre) / radius, far.distance / far.longest))
     most = np.max(shares, axis=0)
     assert (most <= 1.0).all() and (most > 0.7).all()
+
+
+def _stay(contact: rbd.constraints.Contact, X: pin.SE3) -> Stay:
+    """For a second."""
+    return Stay(0.0, 1.0, X, X.rotation[:, 2], np.asarray(contact.corners))
 
 
 def stick() -> rbd.Robot:

@@ -8,7 +8,7 @@ import pytest
 import rbd
 from rbd.errors import CannotPlan, InputError
 from rbd.planning import free_times
-from rbd.planning.free_times import NEAR, _least, shortest, stretched
+from rbd.planning.free_times import LEAST_WAY, NEAR, PLANS, SHARED, _least, parts_of, shared_out, shortest, stretched
 from rbd.planning.momentum import Momentum
 from rbd.planning.stays import PlannedContacts, planned_contacts
 
@@ -45,10 +45,11 @@ def test_nothing_shorter_than_the_momentum_allows_is_tried(leap: PlannedContacts
 
 @pytest.mark.parametrize("least", [0.3, 1.7, 5.0])
 def test_the_shortest_that_is_possible_is_found(leap: PlannedContacts, least: float):
-    """Within ten percent, of a motion that is possible from some factor on."""
+    """Within ten percent, of a motion that is possible from some factor on; none is tried that the momentum excludes."""
     tried = list[float]()
 
     def planned(supports: PlannedContacts) -> float:
+        assert not Momentum.of(supports).refused or len(tried) == 0
         tried.append((supports.keys[-1][0] - 0.2) / 0.4)
         if tried[-1] < max(least, _least(leap)) - 1e-12:
             raise CannotPlan("too fast")
@@ -56,7 +57,42 @@ def test_the_shortest_that_is_possible_is_found(leap: PlannedContacts, least: fl
 
     found, bound = shortest(leap, planned), max(least, _least(leap))
     assert bound * (1.0 - 1e-9) <= found <= NEAR * bound * (1.0 + 1e-9)
-    assert min(tried) >= _least(leap) * (1.0 - 1e-9)
+    assert len(tried) <= PLANS + SHARED
+
+
+def test_what_moves_far_gets_time(solo: rbd.Robot):
+    """Four times the way takes twice the time, but for what all get; a contact's way counts as a third."""
+    x = np.outer(np.cumsum([0.0, 0.1 - LEAST_WAY, 0.4 - LEAST_WAY, 0.0]), [1.0, 0.0, 0.0])
+    assert parts_of(x, np.array([0.0, 0.0, 0.3])) == pytest.approx(np.sqrt([0.1, 0.4, LEAST_WAY + 0.1]))
+    stand, feet = solo.standing(), {foot.name: True for foot in solo.feet()}
+    near, far = ({"com": stand.com + [by, 0.0, 0.0]} for by in (0.01, 0.07))  # ways of 1, 6 and 0 cm
+    given = planned_contacts(solo, {0.0: stand, 1.0: near, 2.0: far, 3.0: far}, feet, friction=0.6, ground=0.0)
+    t = np.array([t for t, _ in shared_out(given).keys])
+    assert np.diff(t) == pytest.approx(3.0 * np.sqrt([0.04, 0.09, 0.03]) / np.sqrt([0.04, 0.09, 0.03]).sum(), rel=1e-6)
+
+
+def test_a_flight_keeps_its_time_where_others_are_shared_out(leap: PlannedContacts):
+    """And the duration is the same."""
+    shared = shared_out(leap)
+    spans = [(s.start, s.end) for s in shared.stays[0]]
+    assert spans[1][0] - spans[0][1] == pytest.approx(0.2) and shared.keys[-1][0] == pytest.approx(0.6)
+
+
+def test_shared_times_are_shorter(solo: rbd.Robot):
+    """Three parts, of which the one that moves needs a second: 3 s in equal parts, and 2.1 s by their ways; within 10 %."""
+    stand, feet = solo.standing(), {foot.name: True for foot in solo.feet()}
+    far = {"com": stand.com + [0.07, 0.0, 0.0]}
+    keys = {0.0: stand, 1.0: {"com": stand.com}, 2.0: far, 3.0: far}
+    given = planned_contacts(solo, keys, feet, friction=0.6, ground=0.0)
+
+    def planned(supports: PlannedContacts) -> float:
+        t = np.array([t for t, _ in supports.keys])
+        if (np.diff(t) < [0.1, 1.0, 0.1]).any():
+            raise CannotPlan("too fast")
+        return float(t[-1])
+
+    least = (2.0 * np.sqrt(LEAST_WAY) + np.sqrt(LEAST_WAY + 0.07)) / np.sqrt(LEAST_WAY + 0.07)
+    assert least <= shortest(given, planned) <= NEAR * least < 3.0
 
 
 def test_where_none_is_found_the_longest_is_told(leap: PlannedContacts):
@@ -74,6 +110,7 @@ def test_a_squat_gets_as_much_time_as_it_needs(solo: rbd.Robot, monkeypatch: pyt
     stand, feet = solo.standing(), {foot.name: True for foot in solo.feet()}
     keys = {0.0: stand, 0.08: {"com": stand.com - [0.0, 0.0, 0.12]}, 0.16: stand}
     monkeypatch.setattr(free_times, "PLANS", 4)
+    monkeypatch.setattr(free_times, "SHARED", 0)
     with pytest.raises(CannotPlan):
         rbd.plan(solo, keys, feet, progress=False)
     plan = rbd.plan(solo, keys, feet, times="free", progress=False)

@@ -17,6 +17,7 @@ from rbd.constraints.convex.polygons import across
 from rbd.errors import CannotPlan, NoSolution
 from rbd.planning import MomentumProof, Plan
 from rbd.planning.momentum import PROVES, Momentum, Standing
+from rbd.planning.stays import planned_contacts
 
 G, MASS = 9.81, 5.0
 DOWN = np.array([0.0, 0.0, -G])
@@ -199,6 +200,15 @@ def test_too_little_friction_is_refused_before_anything_is_planned(solo: rbd.Rob
     assert min(error.t) >= 0.0 and max(error.t) <= 0.6
     check(error.momentum, rng)
     assert str(pickle.loads(pickle.dumps(error)).momentum) == str(error.momentum)
+
+
+@pytest.mark.parametrize(("T", "said"), [(1.2, "leave with about 5.9 m/s and to rise by about 1.8 m"), (0.3, None)])
+def test_a_flight_that_rises_higher_than_legs_reach(T: float, said: str | None):
+    """With g T / 2 and by g T^2 / 8, where that is more than the distance of its centre of mass from any foot."""
+    solo = rbd.load_robot("solo12")
+    stand, feet = solo.standing(), {foot.name: [(0.0, 0.4), (0.4 + T, 0.8 + T)] for foot in solo.feet()}
+    high = Momentum.of(planned_contacts(solo, {0.0: stand, 0.8 + T: stand}, feet, friction=0.6, ground=0.0)).high_flight
+    assert high is None if said is None else said in str(high)
 
 
 def test_keyframes_that_contradict_each_other_are_told_with_the_nearest_plan(talos: rbd.Robot, rng: np.random.Generator):

@@ -10,15 +10,16 @@ import pytest
 from hops import hop_of
 
 import rbd
+from rbd.arrays import each_times
 from rbd.errors import CannotPlan, CannotReach, InputError
 from rbd.motion.frame_terms import FrameTerms, placements
 from rbd.motion.self_collision import BodyPairs
 from rbd.planning import Plan
 from rbd.planning.bounds import Bounds
-from rbd.planning.certificate import FALLS
+from rbd.planning.certificate import FALLS, at_instants, limits_between
 from rbd.planning.curve import Curve
 from rbd.planning.kept_limits import MEASURED, _apart, between
-from rbd.planning.stays import centre_of
+from rbd.planning.stays import centre_of, planned_contacts
 
 FEET = {"left_sole": True, "right_sole": True}
 
@@ -136,6 +137,48 @@ def test_forces_balance_between_the_ends_within_the_bound(step: Plan, rng: np.ra
         most = [float(y[0]) * h**2 / 8.0 for y in bounds.wrench(reach)]
         found.append([b / m for b, m in zip(bend, most, strict=True)])
     assert 0.0 < np.max(found) <= 1.0
+
+
+def test_torques_are_near_to_straight_lines(step: Plan, rng: np.random.Generator):
+    """Between the ends of intervals, by inverse dynamics with the plan's own forces: within the bound, some near to it."""
+    x, robot, pushes = step.intervals, step.robot, step.pushes
+    found = []
+    for i in rng.choice(len(x.start), 60, replace=False):
+        t = x.start[i] + np.array([0.25, 0.5, 0.8]) * (x.end[i] - x.start[i])
+        s = np.array([0.25, 0.5, 0.8])[:, None]
+        terms = FrameTerms.of(robot, *step.curve.at(t), None)
+        knot = pushes.before(x.start[i : i + 1], x.end[i : i + 1])[0]
+        places = np.where(pushes.on[knot, :, None], pushes.places[knot], pushes.places[knot + 1])
+        on, f = np.tile(x.on[i], (3, 1)), ((1.0 - s) * x.forces[0, i].ravel() + s * x.forces[1, i].ravel())
+        maps = terms.joint_map(pushes.joint, np.tile(places, (3, 1, 1)), on, np.asarray(robot.actuated))
+        tau = terms.need[:, robot.actuated] - each_times(maps.reshape(3, robot.nu, -1), f)
+        line = (1.0 - s) * x.torques[0, i] + s * x.torques[1, i]
+        exact, exact_tau = at_instants(step.curve, pushes, x, t)
+        found += (np.abs([tau - line, exact_tau - line]).max(axis=2) / x.off_line[i]).ravel().tolist()
+        normal = exact @ pushes.axes[knot, 0, 2]
+        assert (np.linalg.norm(exact - normal[..., None] * pushes.axes[knot, 0, 2], axis=2) <= 0.6 * normal + 1e-9).all()
+        left = terms.wrench - np.einsum("kiab,kab->ki", terms.wrench_map(np.tile(places, (3, 1, 1)), on), exact)
+        assert np.abs(left).max() < 1e-9 * robot.mass
+        assert (np.abs(exact_tau) <= robot.effort_limit).all() and step.torques(t[1]) == pytest.approx(exact_tau[1])
+        assert sum(f.sum(axis=0) for f in step.forces(t[1]).values()) == pytest.approx(terms.wrench[1, :3], abs=1e-7)
+    assert 1e-3 < np.max(found) <= 1.0 and (x.bend <= 0.0).all()
+
+
+def test_limits_at_speed_hold_between_the_ends(solo: rbd.Robot, rng: np.random.Generator):
+    """Torque-speed lines of motors on a random curve: at no time less is left than what counts; more at both ends."""
+    line = [(0.0, 2.7), (2.0, 2.0), (6.0, 0.5), (20.0, 0.0)]
+    robot = solo.with_motors({name: rbd.Motor(limit=2.7, torque_speed=line) for name in solo.actuated_names})
+    t, q0 = np.linspace(0.0, 0.4, 5), solo.standing().q
+    curve = Curve.of(robot, t, np.array([pin.integrate(solo.model, q0, rng.normal(0.0, 0.2, solo.nv)) for _ in t]))
+    start = np.linspace(0.0, 0.39, 40)
+    end = start + 0.01
+    ends = curve.at(np.concatenate([start, end]))[1].reshape(2, 40, -1)
+    least, most = limits_between(curve, robot.limits_at, start, end, ends)
+    for s in np.linspace(0.0, 1.0, 21):
+        low, high = robot.limits_at(curve.at(start + 0.01 * s)[1])
+        assert (least >= low - 1e-12).all() and (most <= high + 1e-12).all()
+    at_ends = np.minimum(*(robot.limits_at(v)[1] for v in ends))
+    assert (most < at_ends - 1e-3).any() and (at_ends - most < 0.5).all()
 
 
 def test_bounds_hold_on_random_curves(solo: rbd.Robot, rng: np.random.Generator):
@@ -265,6 +308,24 @@ class TestRefused:
         q = stand.q + 0.1 * np.eye(talos.nq)[0]
         with pytest.raises(InputError, match="100.0 mm and 0.0 degrees from where it stood"):
             rbd.plan(talos, {0.0: stand, 1.0: q}, FEET, progress=False)
+
+    def test_beyond_the_border_of_terrain(self, talos: rbd.Robot, solo: rbd.Robot):
+        """A foot that is put there is named, with the time; one whose sole is partly beyond it stands on the rest alone."""
+        stand, feet = solo.standing(), {foot.name: [(0.0, 0.4), (0.7, 1.0)] for foot in solo.feet()}
+        small = rbd.Terrain.boxes(((-0.3, -0.3, -0.1), (0.3, 0.3, 0.0)))
+        ahead = stand.q + 0.3 * np.eye(solo.nq)[0]
+        with pytest.raises(InputError, match="'front_left' is to stand at 1 s, .* no terrain is within 1 mm"):
+            rbd.plan(solo, {0.0: stand, 1.0: ahead}, feet, ground=small, progress=False)
+        there = {"front_left": moved(solo, stand, "front_left", [0.3, 0.0, 0.0])}
+        with pytest.raises(InputError, match="keyframe at 1 s, .*'front_left'.*: there is no terrain at x = 0.49"):
+            rbd.plan(solo, {0.0: stand, 1.0: there}, feet, ground=small, progress=False)
+        half = rbd.Terrain.boxes(((-1.0, -1.0, -0.1), (0.05, 1.0, 0.0)))
+        plan = planned_contacts(talos, {0.0: talos.standing(), 1.0: talos.standing()}, FEET, friction=0.6, ground=half)
+        for foot, corners in zip(plan.contacts, plan.corners(np.array([0.5])), strict=True):
+            whole = np.asarray(foot.corners)
+            x = centre_of(talos.standing(), foot).translation[0] + corners[0, :, 0]
+            assert x.max() == pytest.approx(0.05, abs=1e-9) and (corners[0, :, 1] == pytest.approx(whole[:, 1], abs=1e-9))
+            assert corners[0, :, 0].min() == whole[:, 0].min() and whole[:, 0].max() > 0.09
 
     def test_a_robot_on_a_fixed_base(self):
         """Has no centre of mass to carry."""
