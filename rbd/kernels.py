@@ -72,12 +72,12 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return Kernel(function, None, {"forceinline": True}) if in_use() else function
 
 
-def before_compiling(teach: Callable[[], None]) -> None:
-    """Have Numba taught types of its own before anything is compiled."""
-    _teachers.append(teach)
+def before_compiling(module: str) -> None:
+    """Import a module before anything is compiled: what it teaches Numba."""
+    _lessons.append(module)
 
 
-_teachers: list[Callable[[], None]] = []
+_lessons: list[str] = []
 
 
 class _Process:
@@ -200,8 +200,8 @@ def share(i: int, n: int) -> tuple[str, ...]:
 def _make(first: int = 0, step: int = 1) -> None:
     """Functions of Numba for those kernels that have none; and in their modules, so that they call each other directly."""
     waiting = [kernel for kernel in _kernels if kernel.made is None]
-    for teach in _teachers:
-        teach()
+    for name in _lessons:
+        import_module(name)
     for kernel in waiting:
         kernel.made = _dispatcher(kernel)
     for space in {id(kernel.function.__globals__): kernel.function.__globals__ for kernel in waiting}.values():
@@ -296,13 +296,18 @@ def _content(kernel: Kernel) -> str:
         parts.append(_source(function.__code__.co_filename))
         named = [function.__globals__.get(name) for name in function.__code__.co_names]
         parts += [repr(each) for each in named if isinstance(each, int | float)]
-        parts += [_source(each.__code__.co_filename) for each in named if isinstance(each, FunctionType)]
+        if taught := [each for each in named if isinstance(each, FunctionType)]:
+            parts += [_source(file) for file in (taught[0].__code__.co_filename, *map(_file, _lessons))]
         called = [known.get(id(each), each) for each in named]
         for each in called:
             if isinstance(each, Kernel) and each not in reached:
                 reached.add(each)
                 waiting.append(each)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _file(module: str) -> str:
+    return str(sys.modules[module].__file__)
 
 
 @cache

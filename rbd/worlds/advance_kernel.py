@@ -1,9 +1,9 @@
 """Time steps of many worlds: eight at once, block after block, each step with its residuals.
 
-A step of length h from (q, v), as of `rbd.simulation.time_step` but for the velocity in its middle, which follows from the step
-before:
+A step of length h from (q, v), as of `rbd.simulation.time_step` but for the velocity in its middle, which follows from the
+accelerations of the two steps before:
 
-    q_m = q (+) h/2 v,   v_h = v + h/2 a of the step before
+    q_m = q (+) h/2 v,   v_h = v + h/2 (7/4 a_1 - 3/4 a_2)
     M(q_m) v+ = M v + h (S^T tau + tau_ext - h(q_m, v_h)) + J(q_m)^T p,      u(v+) obeys the law
     q+ = q_m (+) h/2 v+
 
@@ -26,13 +26,17 @@ from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, inlined, signature
 from rbd.worlds.contact_kernel import (
     ARM,
+    ARRIVAL,
+    ARRIVES,
     BODY,
+    DEEP,
     FELT,
     FIRST,
     FOUND,
     GAP,
     IDLE,
     LEAST,
+    LEFT,
     MANY,
     MERIT,
     MU,
@@ -44,16 +48,19 @@ from rbd.worlds.contact_kernel import (
     SIZE,
     TINY,
     UNIT,
+    SITE_TYPES,
     Law,
     Sites,
-    alone,
     evaluate,
+    law_in,
+    law_size,
     loads,
     mobility,
+    offsets,
     site_point,
     solved,
 )
-from rbd.worlds.lanes import Number, above, lane, lanes_of, largest, load, put_lane, root, spread, store
+from rbd.worlds.lanes import Number, above, largest, load, root, spread, store
 from rbd.worlds.spatial_kernel import Three, cross, dot, minus, nine, plus, put, six, three, times, turned, turned_symmetric
 from rbd.worlds.tree_kernel import C, D, P, R, ROWS, S, U, V, W, Tree, base_upper, free_motion, places
 
@@ -71,12 +78,14 @@ WORLD = 4
 EQUATION, CONTACT, DEPTH, RESCUED, STOPPED = range(5)
 """Rows of what is told of a world: largest residuals of equation and law, largest depth [m], steps solved alone, and whether it
 stopped: 0, or the number of the step plus one."""
-TOLD = 6
+TOLD = 5
 MOBILITY = 3.0
 """Of each scaled point: between fewest steps of points that slide, 1, and of those that strike, 10."""
 SHARE = 0.5
 """Part of a gap that a closed point loses a step."""
-LIMIT_RESIDUAL = 1e-8
+BLOCK, STEP, PART, HOW_MANY, HOW_WIDE, ACTIVE = range(6)
+"""Where a run is: its block, step and part of it (1: impulses of some worlds are to be found alone); how many sites are active, how
+many rows they have; and where the active sites and their first rows begin."""
 
 
 class Ground(NamedTuple):
@@ -323,7 +332,7 @@ def touched(
             # told: the depth of a point at the beginning of the step
             live = 1.0 - load(law.point, POINT * c + IDLE)
             deep = above(-gap, zero, -gap, zero) * live
-            store(law.merit, 6, above(deep, load(law.merit, 6), deep, load(law.merit, 6)))
+            store(law.merit, DEEP, above(deep, load(law.merit, DEEP), deep, load(law.merit, DEEP)))
     k3 = 3 * len(sites.arm)
     for s in range(len(sites.site)):
         if sites.site[s, SIZE] != 1:
@@ -542,44 +551,62 @@ def law_residual(
 
 
 @compiled
-def one_step(
-    tree: Tree, sites: Sites, ground: Ground, given: Given, push_body: Array, number: int, t: float, h: float, coulomb: bool,
-    q: Array, v: Array, before: Array, impulse: Array, told: Array, space: Space, law: Law, active: Array, starts: Array,
-) -> None:  # fmt: skip
-    """A step of one block, in place."""
+def begun_step(
+    tree: Tree, sites: Sites, ground: Ground, given: Given, push_body: Array, t: float, h: float, coulomb: bool,
+    q: Array, v: Array, before: Array, impulse: Array, told: Array, space: Space, law: Law, whole: Array,
+) -> bool:  # fmt: skip
+    """The first part of a step of one block, up to the impulses; whether those of some world were not found."""
     n, free, half = len(tree.parent), tree.free, 0.5 * h
-    nv, k3, zero, one = n + 5 * free, 3 * len(sites.arm), spread(v, 0.0), spread(v, 1.0)
+    nv, zero, one = n + 5 * free, spread(v, 0.0), spread(v, 1.0)
+    active, starts = whole[ACTIVE : ACTIVE + len(sites.site)], whole[ACTIVE + len(sites.site) :]
     moves = above(load(told, STOPPED), 0.5, zero, one)
+    store(law.merit, LEFT, zero)
     if largest(moves) == 0.0:
-        return
+        return False
     moved_all(q, v, half * one, free, n, space.x)
     for i in range(nv):
-        store(space.v, i, load(v, i) + half * load(before, i))
+        store(space.v, i, load(v, i) + half * (1.75 * load(before, i) - 0.75 * load(before, nv + i)))
     places(tree, space.x, space.work)
     forces(tree, given, push_body, t, h, q, v, space)
     free_motion(tree, given.inertia, space.v, space.tau, space.damping, given.world, space.pushes, space.base, space.work, space.acc)
     for i in range(nv):
         store(space.end, i, load(v, i) + h * load(space.acc, i))
-    store(law.merit, 6, load(told, DEPTH))
+    store(law.merit, DEEP, load(told, DEPTH))
     count, arrival, arrives = touched(tree, sites, ground, given, h, q, v, before, impulse, moves, space, law, active)
-    store(told, DEPTH, load(law.merit, 6))
-    contact, failed = zero, zero
+    whole[HOW_MANY], whole[HOW_WIDE] = count, 0
+    store(told, DEPTH, load(law.merit, DEEP))
+    store(law.merit, ARRIVAL, arrival)
+    store(law.merit, ARRIVES, arrives)
+    if count == 0:
+        return False
+    rows = mobility(tree, sites, active, count, starts, space.work, space.base, law)
+    whole[HOW_WIDE] = rows
+    scaled(sites, active, count, starts, rows, impulse, law)
+    solved(sites, active, count, starts, rows, coulomb, arrives, law)
+    least, enough = load(law.merit, LEAST), FOUND * load(law.merit, SCALE)
+    left = above(least, enough, one, above(least, -1.0, zero, one)) * moves
+    store(law.merit, LEFT, left)
+    return largest(left) > 0.0
+
+
+@compiled
+def ended_step(
+    tree: Tree, sites: Sites, given: Given, number: int, h: float, coulomb: bool,
+    q: Array, v: Array, before: Array, impulse: Array, told: Array, space: Space, law: Law, whole: Array,
+) -> None:  # fmt: skip
+    """The second part of a step of one block, in place: from the impulses to the residuals and the next state."""
+    n, free = len(tree.parent), tree.free
+    nv, k3, zero, one = n + 5 * free, 3 * len(sites.arm), spread(v, 0.0), spread(v, 1.0)
+    active, starts = whole[ACTIVE : ACTIVE + len(sites.site)], whole[ACTIVE + len(sites.site) :]
+    count, rows, contact = whole[HOW_MANY], whole[HOW_WIDE], zero
+    moves, failed = above(load(told, STOPPED), 0.5, zero, one), load(law.merit, LEFT)
+    if largest(moves) == 0.0:
+        return
     for i in range(nv):
         store(space.acc, i, zero)
+    for i in range(k3 + len(sites.single)):
+        store(impulse, i, zero)
     if count:
-        rows = mobility(tree, sites, active, count, starts, space.work, space.base, law)
-        scaled(sites, active, count, starts, rows, impulse, law)
-        steps = solved(sites, active, count, starts, rows, coulomb, arrives, law)
-        store(told, 5, load(told, 5) + float(steps))
-        left = above(load(law.merit, LEAST), FOUND * load(law.merit, SCALE), one, above(load(law.merit, LEAST), -1.0, zero, one)) * moves
-        if largest(left) > 0.0:
-            store(law.move, 0, left)
-            for of in range(lanes_of(told)):
-                if lane(law.move, 0, of) > 0.5:
-                    put_lane(told, RESCUED, of, lane(told, RESCUED, of) + 1.0)
-                    if alone(sites, active, count, starts, rows, coulomb, law, of):
-                        put_lane(law.move, 0, of, 0.0)
-            failed = load(law.move, 0)
         loads(sites, active, count, starts, law.best, law)
         for i in range(nv):
             store(space.free, i, load(space.end, i))
@@ -589,35 +616,31 @@ def one_step(
             s = active[a]
             if sites.site[s, SIZE] == 1:
                 store(space.acc, 5 * free + sites.site[s, BODY], load(law.load, starts[a]) * (1.0 / h))
-        for i in range(k3 + len(sites.single)):
-            store(impulse, i, zero)
-        for a in range(count):
-            s = active[a]
             for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
                 if sites.site[s, SIZE] == 1:
                     store(impulse, k3 + c, load(law.best, k3 + c) * load(law.single, 8 * c + 3))
                 else:
                     put(impulse, 3 * c, times(load(law.point, POINT * c + UNIT), three(law.best, 3 * c)))
-    else:
-        for i in range(k3 + len(sites.single)):
-            store(impulse, i, zero)
     equation = equation_residual(tree, given, sites, active, count, starts, h, v, law, space)
-    # NaN anywhere is in the equation's residual
-    fine = above(equation, -1.0, one, zero) * (1.0 - failed)
+    fine = above(equation, -1.0, one, zero) * (1.0 - failed)  # what is not finite anywhere is not in the equation
     lost = above(fine, 0.5, zero, moves)
     store(told, STOPPED, above(lost, 0.5, one * (number + 1.0), load(told, STOPPED)))
     store(told, EQUATION, above(equation * fine * moves, load(told, EQUATION), equation, load(told, EQUATION)))
     store(told, CONTACT, above(contact * fine * moves, load(told, CONTACT), contact, load(told, CONTACT)))
-    goes = fine * moves
+    goes, arrival = fine * moves, load(law.merit, ARRIVAL)
     moved_all(q, v, arrival, free, n, space.x)
     moved_all(space.x, space.end, h - arrival, free, n, space.y)
     for i in range(n + 6 * free):
         store(q, i, above(goes, 0.5, load(space.y, i), load(q, i)))
-    smooth = 1.0 - arrives
+    strikes, known = load(law.merit, ARRIVES) if count else zero, goes * load(before, 2 * nv)
     for i in range(nv):
-        x = load(space.end, i)
-        store(before, i, above(moves - goes, 0.5, load(before, i), above(goes * smooth, 0.5, (x - load(v, i)) * (1.0 / h), zero)))
+        x, last = load(space.end, i), load(before, i)
+        unstruck = above(strikes, 0.5, load(space.free, i), x)  # without the impact
+        a = above(goes, 0.5, (unstruck - load(v, i)) * (1.0 / h), last)
+        store(before, nv + i, above(known, 0.5, above(strikes, 0.5, a, last), a))
+        store(before, i, a)
         store(v, i, above(goes, 0.5, x, load(v, i)))
+    store(before, 2 * nv, goes)
 
 
 def advance_blocks(
@@ -625,10 +648,10 @@ def advance_blocks(
     site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
     plane: Array, pieces: Array, faces: Array, face: Array, push_body: Array,
     inertia: Array, proof: Array, joint: Array, world: Array, friction: Array, push: Array,
-    q: Array, v: Array, before: Array, impulse: Array, told: Array, space: Array,
-    first: int, last: int, number: int, steps: int, t: float, h: float, coulomb: bool,
+    q: Array, v: Array, before: Array, impulse: Array, told: Array, space: Array, whole: Array,
+    last: int, number: int, steps: int, t: float, h: float, coulomb: bool,
 ) -> None:  # fmt: skip
-    """Steps of some blocks of worlds, in place.
+    """Steps of some blocks of worlds, in place; it ends before the last where impulses were not found: see `whole`.
 
     Args:
         parent: As of `Tree`, as are the next three.
@@ -642,7 +665,7 @@ def advance_blocks(
         path_start: As there.
         common: As there.
         common_start: As there.
-        single: As there: 0 dry friction, 1 a stop.
+        single: As there: RUB or STOP.
         plane: As of `Ground`, as are the next three.
         pieces: As there.
         faces: As there.
@@ -656,11 +679,12 @@ def advance_blocks(
         push: As there.
         q: Configurations, shape (blocks, rows, lanes); written.
         v: Velocities, a base's in the world's axes; written.
-        before: Accelerations of the step before; written.
+        before: Accelerations of the step before and the one before it, and whether there was one, shape (blocks, 2 nv + 1, lanes);
+            written.
         impulse: Impulses of the step before, of points in the world's axes; written.
         told: Shape (blocks, TOLD, lanes); written.
         space: Working memory, shape (rows, lanes).
-        first: The first block.
+        whole: Integers: block, step and part to begin with, and those reached; then what is active, shape (ACTIVE + 2 sites,).
         last: The block after the last.
         number: How many steps were before.
         steps: How many.
@@ -671,64 +695,48 @@ def advance_blocks(
     tree = Tree(parent, kind, placement, free)
     sites = Sites(site, place, arm, path, path_start, common, common_start, single)
     ground = Ground(plane, pieces, faces, face)
-    n, k, l, s = len(parent), len(arm), len(single), len(site)
-    rows, nv = 0, n + 5 * free
-    for a in range(s):
-        rows += site[a, SIZE]
-    at = 0
-    sizes = (n + 6 * free, n + 6 * free, nv, nv, nv, nv, n * ROWS, 21, n, n, 6 * n)
-    parts = offsets(sizes)
+    n, nv = len(parent), len(parent) + 5 * free
+    parts = offsets((n + 6 * free, n + 6 * free, nv, nv, nv, nv, n * ROWS, 21, n, n, 6 * n))
     room = Space(
         space[parts[0] : parts[1]], space[parts[1] : parts[2]], space[parts[2] : parts[3]], space[parts[3] : parts[4]],
         space[parts[4] : parts[5]], space[parts[5] : parts[6]], space[parts[6] : parts[7]], space[parts[7] : parts[8]],
         space[parts[8] : parts[9]], space[parts[9] : parts[10]], space[parts[10] : parts[11]],
     )  # fmt: skip
-    at, w, square = parts[11], 3 * k + l, rows * rows
-    more = offsets((rows * n, 6 * rows, square, square, square, POINT * k, 8 * l, w, w, w, w, s, 36, square, rows, rows, 8))
-    law = Law(
-        space[at + more[0] : at + more[1]], space[at + more[1] : at + more[2]], space[at + more[2] : at + more[3]],
-        space[at + more[3] : at + more[4]], space[at + more[4] : at + more[5]], space[at + more[5] : at + more[6]],
-        space[at + more[6] : at + more[7]], space[at + more[7] : at + more[8]], space[at + more[8] : at + more[9]],
-        space[at + more[9] : at + more[10]], space[at + more[10] : at + more[11]], space[at + more[11] : at + more[12]],
-        space[at + more[12] : at + more[13]], space[at + more[13] : at + more[14]], space[at + more[14] : at + more[15]],
-        space[at + more[15] : at + more[16]], space[at + more[16] : at + more[17]],
-    )  # fmt: skip
-    active, starts = np.zeros(s, np.int64), np.zeros(s, np.int64)
-    for b in range(first, last):
+    law = law_in(space[parts[11] :], sites, n)
+    while whole[BLOCK] < last:
+        b = whole[BLOCK]
         given = Given(
             inertia[min(b, len(inertia) - 1)], proof[min(b, len(proof) - 1)], joint[min(b, len(joint) - 1)],
             world[min(b, len(world) - 1)], friction[min(b, len(friction) - 1)], push[min(b, len(push) - 1)],
         )  # fmt: skip
-        for step in range(steps):
-            one_step(
-                tree, sites, ground, given, push_body, number + step, t + step * h, h, coulomb, q[b], v[b], before[b],
-                impulse[b], told[b], room, law, active, starts,
-            )  # fmt: skip
+        while whole[STEP] < steps:
+            i = whole[STEP]
+            if whole[PART] == 0 and begun_step(
+                tree, sites, ground, given, push_body, t + i * h, h, coulomb, q[b], v[b], before[b], impulse[b], told[b],
+                room, law, whole,
+            ):  # fmt: skip
+                whole[PART] = 1
+                return
+            whole[PART] = 0
+            ended_step(
+                tree, sites, given, number + i, h, coulomb, q[b], v[b], before[b], impulse[b], told[b], room, law, whole
+            )
+            whole[STEP] += 1
+        whole[BLOCK] += 1
+        whole[STEP] = 0
 
 
-@inlined
-def offsets(sizes: tuple[int, ...]) -> Array:
-    """Where each of some arrays begins in one, and the end."""
-    out = np.zeros(len(sizes) + 1, np.int64)
-    for i in range(len(sizes)):
-        out[i + 1] = out[i] + sizes[i]
-    return out
-
-
-def size_of(n: int, free: int, k: int, l: int, s: int, rows: int) -> int:
+def size_of(n: int, free: int, sites: Sites) -> int:
     """Rows of the working memory."""
-    return 2 * (n + 6) + 4 * (n + 5) + n * ROWS + 21 + 8 * n + rows * n + 6 * rows + 4 * rows * rows + POINT * k + 8 * l + (
-        4 * (3 * k + l) + s + 36 + 2 * rows + 8
-    )
+    return 2 * (n + 6 * free) + 4 * (n + 5 * free) + n * ROWS + 21 + 8 * n + law_size(n, sites)
 
 
 _WHOLE, _TABLE, _BLOCKS = array(1, COUNT), array(2, COUNT), array(3, written=True)
 advance = compiled(
     advance_blocks,
     signature(
-        None, _WHOLE, _WHOLE, array(2), COUNT, _TABLE, array(2), array(2), _WHOLE, _WHOLE, _WHOLE, _WHOLE, _WHOLE,
-        array(2), _TABLE, _WHOLE, array(2), _WHOLE, *[array(3)] * 6, *[_BLOCKS] * 5, array(2, written=True),
-        COUNT, COUNT, COUNT, COUNT, NUMBER, NUMBER, FLAG,
+        None, _WHOLE, _WHOLE, array(2), COUNT, *SITE_TYPES, array(2), _TABLE, _WHOLE, array(2), _WHOLE, *[array(3)] * 6,
+        *[_BLOCKS] * 5, array(2, written=True), array(1, COUNT, written=True), COUNT, COUNT, COUNT, NUMBER, NUMBER, FLAG,
     ),
     unlocked=True,
 )  # fmt: skip

@@ -14,16 +14,13 @@ different times take the same steps, and what is solved stands still. D may be s
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.kernels import compiled, inlined
-from rbd.solvers.law_kernel import forces
-from rbd.solvers.newton_kernel import Problem
-from rbd.worlds.lanes import Number, above, lane, lanes_of, largest, load, put_lane, root, spread, store
+from rbd.kernels import COUNT, array, compiled, inlined
+from rbd.worlds.lanes import Number, above, largest, load, root, spread, store
 from rbd.worlds.spatial_kernel import Three, cross, dot, minus, nine, plus, put, three, times, turned
 from rbd.worlds.tree_kernel import C as BIAS
 from rbd.worlds.tree_kernel import D, P, ROWS, R, S, U, Tree, base_lower
@@ -94,7 +91,8 @@ class Law(NamedTuple):
         system: C^T Q M Q^T C + I, shape (rows rows,).
         load: Q w, shape (rows,).
         answer: D Q w, shape (rows,).
-        merit: least merit, merit, sum of squares, that before, step length and whether it is solved, scale, shape (8,).
+        merit: Least merit, merit, sum of squares, largest scaled velocity; the largest depth, when a point arrives in the step,
+            whether one does, and whether no impulses were found, shape (8,).
     """
 
     lift: Array
@@ -116,7 +114,8 @@ class Law(NamedTuple):
     merit: Array
 
 
-LEAST, MERIT, SQUARE, BEFORE, LENGTH, SCALE = range(6)
+LEAST, MERIT, SQUARE, SCALE, DEEP, ARRIVAL, ARRIVES, LEFT = range(8)
+"""Rows of `Law.merit`."""
 
 
 @compiled
@@ -551,71 +550,37 @@ def copied(sites: Sites, active: Array, count: int, x: Array, y: Array, which: N
             store(y, i, above(which, 0.5, load(x, i), load(y, i)))
 
 
-@compiled
-def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, law: Law, of: int) -> bool:
-    """One lane by the method for one world, `rbd.solvers.newton_kernel`; whether it found its weights, which are in `law.best`."""
-    k3, cones, singles = 3 * len(sites.arm), 0, 0
-    for a in range(count):
-        s = active[a]
-        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
-            if sites.site[s, SIZE] == 1:
-                singles += 1
-            elif lane(law.point, POINT * c + IDLE, of) < 0.5:
-                cones += 1
-    parts, p = singles + cones, singles + 3 * cones
-    D, columns, offset, whose = np.zeros((rows, rows)), np.zeros((p, 6)), np.zeros(p), np.zeros(parts, np.int64)
-    felt = np.zeros((p, 6))
-    first, width = np.zeros(parts, np.int64), np.zeros(parts, np.int64)
-    lower, upper, mu, w, axes = np.zeros(singles), np.zeros(singles), np.zeros(cones), np.zeros(p), np.zeros((cones, 3, 3))
-    for i in range(rows):
-        for j in range(rows):
-            D[i, j] = lane(law.mobility, i * rows + j, of)
-    at, cone = 0, 0
-    for a in range(count):
-        s = active[a]
-        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
-            if sites.site[s, SIZE] == 1:
-                unit = lane(law.single, 8 * c + 3, of)
-                columns[at, 0] = felt[at, 0] = 1.0
-                offset[at], whose[at] = lane(law.single, 8 * c, of), k3 + c
-                first[at], width[at] = starts[a], 1
-                lower[at], upper[at] = unit * lane(law.single, 8 * c + 1, of), unit * lane(law.single, 8 * c + 2, of)
-                at += 1
-            elif lane(law.point, POINT * c + IDLE, of) < 0.5:
-                i, E = singles + 3 * cone, axes[cone]
-                for r in range(3):
-                    E[2, r] = lane(law.point, POINT * c + NORMAL + r, of)
-                least = 0
-                for r in range(3):
-                    if abs(E[2, r]) < abs(E[2, least]):
-                        least = r
-                square = math.sqrt(1.0 - E[2, least] ** 2)
-                for r in range(3):
-                    E[0, r] = ((1.0 if r == least else 0.0) - E[2, least] * E[2, r]) / square
-                for r in range(3):
-                    E[1, r] = E[2, (r + 1) % 3] * E[0, (r + 2) % 3] - E[2, (r + 2) % 3] * E[0, (r + 1) % 3]
-                for e in range(3):
-                    for r in range(3):
-                        columns[i + e, r] = felt[i + e, r] = E[e, r]
-                        offset[i + e] += E[e, r] * lane(law.point, POINT * c + OFFSET + r, of)
-                        if sites.site[s, SIZE] == 6:
-                            y, z = (r + 1) % 3, (r + 2) % 3
-                            push, pull = POINT * c + ARM, POINT * c + FELT
-                            columns[i + e, 3 + r] = lane(law.point, push + y, of) * E[e, z] - lane(law.point, push + z, of) * E[e, y]
-                            felt[i + e, 3 + r] = lane(law.point, pull + y, of) * E[e, z] - lane(law.point, pull + z, of) * E[e, y]
-                mu[cone], whose[singles + cone] = lane(law.point, POINT * c + MU, of), c
-                first[singles + cone], width[singles + cone] = starts[a], sites.site[s, SIZE]
-                cone += 1
-    problem = Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu)
-    merit, _, _ = forces(problem, np.zeros(p), coulomb, np.arange(parts), w)
-    if not merit <= FOUND:
-        return False
-    for at in range(singles):
-        put_lane(law.best, whose[at], of, w[at] / lane(law.single, 8 * (whose[at] - k3) + 3, of))
-    for cone in range(cones):
-        for r in range(3):
-            x = 0.0
-            for e in range(3):
-                x += axes[cone, e, r] * w[singles + 3 * cone + e]
-            put_lane(law.best, 3 * whose[singles + cone] + r, of, x / lane(law.point, POINT * whose[singles + cone] + UNIT, of))
-    return True
+@inlined
+def offsets(sizes: tuple[int, ...]) -> Array:
+    """Where each of some arrays begins in one, and the end."""
+    out = np.zeros(len(sizes) + 1, np.int64)
+    for i in range(len(sizes)):
+        out[i + 1] = out[i] + sizes[i]
+    return out
+
+
+@inlined
+def law_in(space: Array, sites: Sites, n: int) -> Law:
+    """The contact problem's memory, at the beginning of some."""
+    k, l, s, rows = len(sites.arm), len(sites.single), len(sites.site), 0
+    for a in range(s):
+        rows += sites.site[a, SIZE]
+    w, square = 3 * k + l, rows * rows
+    at = offsets((rows * n, 6 * rows, square, square, square, POINT * k, 8 * l, w, w, w, w, s, 36, square, rows, rows, 8))
+    return Law(
+        space[at[0] : at[1]], space[at[1] : at[2]], space[at[2] : at[3]], space[at[3] : at[4]], space[at[4] : at[5]],
+        space[at[5] : at[6]], space[at[6] : at[7]], space[at[7] : at[8]], space[at[8] : at[9]], space[at[9] : at[10]],
+        space[at[10] : at[11]], space[at[11] : at[12]], space[at[12] : at[13]], space[at[13] : at[14]],
+        space[at[14] : at[15]], space[at[15] : at[16]], space[at[16] : at[17]],
+    )  # fmt: skip
+
+
+def law_size(n: int, sites: Sites) -> int:
+    """Rows of that memory."""
+    k, l, s, rows = len(sites.arm), len(sites.single), len(sites.site), int(sites.site[:, SIZE].sum())
+    return rows * (n + 8) + 4 * rows * rows + POINT * k + 8 * l + 4 * (3 * k + l) + s + 44
+
+
+_WHOLE = array(1, COUNT)
+SITE_TYPES = (array(2, COUNT), array(2), array(2), _WHOLE, _WHOLE, _WHOLE, _WHOLE, _WHOLE)
+"""Those of `Sites`."""

@@ -7,7 +7,6 @@ Not compiled, a row is an array of NumPy. There are no branches by such a number
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -68,9 +67,4 @@ def lanes_of(a: Array) -> int:
     return a.shape[1] if a.ndim == 2 else 1
 
 
-def _teach() -> None:
-    """Teach Numba these functions, and arithmetic with the numbers of eight lanes."""
-    import_module("rbd.worlds.lanes_of_numba")
-
-
-before_compiling(_teach)
+before_compiling("rbd.worlds.lanes_of_numba")

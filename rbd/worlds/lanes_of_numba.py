@@ -3,170 +3,178 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, lower_builtin, models, overload, register_model, type_callable
+from numba.extending import lower_builtin, models, register_model, type_callable
 
 from rbd.worlds.lanes import LANES, above, lane, lanes_of, largest, load, put_lane, root, spread, store
 
-double, index = ir.DoubleType(), ir.IntType(32)
-vector = ir.VectorType(double, LANES)
+DOUBLE, INDEX = ir.DoubleType(), ir.IntType(32)
+VECTOR = ir.VectorType(DOUBLE, LANES)
+
 
 class Lanes(types.Type):
+    """The type of a number of each lane."""
+
     def __init__(self) -> None:
         super().__init__(name=f"Lanes{LANES}")
 
+
 lanes = Lanes()
 
+
 @register_model(Lanes)
-class _Model(models.PrimitiveModel):
+class _Model(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, vector)
+        super().__init__(manager, kind, VECTOR)
 
-def spread_value(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, Lanes):
-        return value
-    number = context.cast(builder, value, kind, types.float64)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), number, ir.Constant(index, 0))
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
 
-def arithmetic(operation: Any, name: str) -> None:
-    @type_callable(operation)
-    def _typed(context: Any) -> Any:
-        def typer(a: Any, b: Any) -> Any:
-            if any(isinstance(each, Lanes) for each in (a, b)) and all(isinstance(x, Lanes) or isinstance(x, types.Float | types.Integer) for x in (a, b)):
-                return lanes
-            return None
+class Code:
+    """What a function is compiled to: the builder of its instructions, its arguments and their types."""
 
-        return typer
+    def __init__(self, context: Any, builder: Any, kinds: Any, args: Any) -> None:
+        self.context, self.builder, self.kinds, self.args = context, builder, kinds, args
+
+    def whole(self, i: int) -> Any:
+        """Argument i as an integer."""
+        return self.context.cast(self.builder, self.args[i], self.kinds[i], types.intp)
+
+    def float(self, i: int) -> Any:
+        """Argument i as a float."""
+        return self.context.cast(self.builder, self.args[i], self.kinds[i], types.float64)
+
+    def lanes(self, i: int) -> Any:
+        """Argument i as a number of each lane."""
+        if isinstance(self.kinds[i], Lanes):
+            return self.args[i]
+        nothing, zero = ir.Constant(VECTOR, ir.Undefined), ir.Constant(INDEX, 0)
+        first = self.builder.insert_element(nothing, self.float(i), zero)
+        return self.builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, LANES), [0] * LANES))
+
+    def number(self, i: int, kind: Any) -> Any:
+        """Argument i as a number of a type."""
+        return self.lanes(i) if isinstance(kind, Lanes) else self.float(i)
+
+    def place(self, i: int, of: int | None = None) -> Any:
+        """Where row i of the array, which is argument 0, is in memory; or one lane of it."""
+        wide = self.kinds[0].ndim == 2
+        data = self.context.make_array(self.kinds[0])(self.context, self.builder, self.args[0]).data
+        at = self.whole(i)
+        if wide:
+            at = self.builder.mul(at, ir.Constant(at.type, LANES))
+        if wide and of is not None:
+            at = self.builder.add(at, self.whole(of))
+        place = self.builder.gep(data, [at])
+        return self.builder.bitcast(place, VECTOR.as_pointer()) if wide and of is None else place
+
+
+def _teach(function: Any, typed: Callable[..., Any], code: Callable[[Code, Any], Any]) -> None:
+    """Have Numba compile a function: its type by those of its arguments (None: not these), and its instructions."""
+
+    def typing(context: Any) -> Any:
+        return typed
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = (spread_value(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
-        return getattr(builder, name)(x, y, flags=("contract",))
+        return code(Code(context, builder, sig.args, args), sig.return_type)
 
+    type_callable(function)(typing)
+    lower_builtin(function, types.VarArg(types.Any))(lower)
+
+
+def _common(*kinds: Any) -> Any:
+    """The type of a number made of others."""
+    return lanes if any(isinstance(kind, Lanes) for kind in kinds) else types.float64
+
+
+def _row(a: Any) -> Any:
+    return lanes if a.ndim == 2 else types.float64
+
+
+def _load(code: Code, kind: Any) -> Any:
+    value = code.builder.load(code.place(1))
+    value.align = 8
+    return value
+
+
+def _store(code: Code, kind: Any) -> Any:
+    code.builder.store(code.number(2, _row(code.kinds[0])), code.place(1)).align = 8
+    return code.context.get_dummy_value()
+
+
+def _root(code: Code, kind: Any) -> Any:
+    size, name = (VECTOR, f"llvm.sqrt.v{LANES}f64") if isinstance(kind, Lanes) else (DOUBLE, "llvm.sqrt.f64")
+    function = cgutils.get_or_insert_function(code.builder.module, ir.FunctionType(size, [size]), name)
+    return code.builder.call(function, [code.number(0, kind)])
+
+
+def _above(code: Code, kind: Any) -> Any:
+    compared = _common(*code.kinds[:2])
+    is_above = code.builder.fcmp_ordered(">", code.number(0, kind), code.number(1, kind))
+    assert compared is kind or kind is lanes
+    return code.builder.select(is_above, code.number(2, kind), code.number(3, kind))
+
+
+def _largest(code: Code, kind: Any) -> Any:
+    builder, top, many = code.builder, ir.Constant(DOUBLE, -np.inf), isinstance(code.kinds[0], Lanes)
+    for k in range(LANES if many else 1):
+        x = builder.extract_element(code.args[0], ir.Constant(INDEX, k)) if many else code.float(0)
+        x = builder.select(builder.fcmp_ordered("==", x, x), x, ir.Constant(DOUBLE, np.inf))
+        top = builder.select(builder.fcmp_ordered(">", x, top), x, top)
+    return top
+
+
+def _put_lane(code: Code, kind: Any) -> Any:
+    code.builder.store(code.float(3), code.place(1, 2))
+    return code.context.get_dummy_value()
+
+
+_teach(load, lambda a, i: _row(a), _load)
+_teach(store, lambda a, i, x: types.void, _store)
+_teach(root, lambda x: _common(x), _root)
+_teach(above, lambda a, b, x, y: _common(a, b, x, y), _above)
+_teach(largest, lambda x: types.float64, _largest)
+_teach(spread, lambda a, x: _row(a), lambda code, kind: code.number(1, kind))
+_teach(lane, lambda a, i, of: types.float64, lambda code, kind: code.builder.load(code.place(1, 2)))
+_teach(put_lane, lambda a, i, of, x: types.void, _put_lane)
+_teach(
+    lanes_of, lambda a: types.intp,
+    lambda code, kind: ir.Constant(ir.IntType(64), LANES if code.kinds[0].ndim == 2 else 1),
+)  # fmt: skip
+
+
+def _arithmetic(operation: Any, name: str) -> None:
+    """Of two numbers of which one has lanes, as one instruction; products and sums may become one (`contract`)."""
+
+    def typing(context: Any) -> Any:
+        def typed(a: Any, b: Any) -> Any:
+            numbers = all(isinstance(x, Lanes | types.Float | types.Integer) for x in (a, b))
+            return lanes if numbers and _common(a, b) is lanes else None
+
+        return typed
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        code = Code(context, builder, sig.args, args)
+        return getattr(builder, name)(code.lanes(0), code.lanes(1), flags=("contract",))
+
+    type_callable(operation)(typing)
     for pair in ((Lanes, Lanes), (Lanes, types.Float), (types.Float, Lanes), (Lanes, types.Integer), (types.Integer, Lanes)):
         lower_builtin(operation, *pair)(lower)
 
-for operation, name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
-    arithmetic(operation, name)
+
+for _operation, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+    _arithmetic(_operation, _name)
+
 
 @type_callable(operator.neg)
 def _negated(context: Any) -> Any:
-    return lambda a: lanes if isinstance(a, Lanes) else None
+    return lambda a: a if isinstance(a, Lanes) else None
+
 
 @lower_builtin(operator.neg, Lanes)
 def _negate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.fneg(args[0])
-
-def pointer(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    array = context.make_array(sig.args[0])(context, builder, args[0])
-    row = builder.mul(context.cast(builder, args[1], sig.args[1], types.intp), ir.Constant(ir.IntType(64), LANES))
-    return builder.bitcast(builder.gep(array.data, [row]), vector.as_pointer())
-
-@intrinsic
-def load_lanes(typing: Any, a: Any, i: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value = builder.load(pointer(context, builder, sig, args))
-        value.align = 8
-        return value
-
-    return lanes(a, i), code
-
-@intrinsic
-def store_lanes(typing: Any, a: Any, i: Any, x: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        builder.store(spread_value(context, builder, sig.args[2], args[2]), pointer(context, builder, sig, args)).align = 8
-        return context.get_dummy_value()
-
-    return types.void(a, i, x), code
-
-@intrinsic
-def root_lanes(typing: Any, x: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        kind = ir.FunctionType(vector, [vector])
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{LANES}f64"), args)
-
-    return lanes(x), code
-
-@intrinsic
-def above_lanes(typing: Any, a: Any, b: Any, x: Any, y: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        a, b, x, y = (spread_value(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
-        return builder.select(builder.fcmp_ordered(">", a, b), x, y)
-
-    return lanes(a, b, x, y), code
-
-@intrinsic
-def largest_lanes(typing: Any, x: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        top = ir.Constant(double, -np.inf)
-        for k in range(LANES):
-            y = builder.extract_element(args[0], ir.Constant(index, k))
-            y = builder.select(builder.fcmp_ordered("==", y, y), y, ir.Constant(double, np.inf))
-            top = builder.select(builder.fcmp_ordered(">", y, top), y, top)
-        return top
-
-    return types.float64(x), code
-
-@intrinsic
-def spread_lanes(typing: Any, x: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return spread_value(context, builder, sig.args[0], args[0])
-
-    return lanes(x), code
-
-@overload(load, strict=False, inline="always")
-def _load(a: Any, i: Any) -> Any:
-    return (lambda a, i: load_lanes(a, i)) if a.ndim == 2 else (lambda a, i: a[i])
-
-@overload(store, strict=False, inline="always")
-def _store(a: Any, i: Any, x: Any) -> Any:
-    if a.ndim == 2:
-        return lambda a, i, x: store_lanes(a, i, x)
-
-    def one(a: Any, i: Any, x: Any) -> None:
-        a[i] = x
-
-    return one
-
-@overload(root, strict=False, inline="always")
-def _root(x: Any) -> Any:
-    return (lambda x: root_lanes(x)) if isinstance(x, Lanes) else (lambda x: np.sqrt(x))
-
-@overload(above, strict=False, inline="always")
-def _above(a: Any, b: Any, x: Any, y: Any) -> Any:
-    return (lambda a, b, x, y: above_lanes(a, b, x, y)) if any(isinstance(each, Lanes) for each in (a, b, x, y)) else (lambda a, b, x, y: x if a > b else y)
-
-@overload(largest, strict=False, inline="always")
-def _largest(x: Any) -> Any:
-    return (lambda x: largest_lanes(x)) if isinstance(x, Lanes) else (lambda x: x if x == x else np.inf)
-
-@overload(spread, strict=False, inline="always")
-def _spread(a: Any, x: Any) -> Any:
-    return (lambda a, x: spread_lanes(x)) if a.ndim == 2 else (lambda a, x: x)
-
-@overload(lane, strict=False, inline="always")
-def _lane(a: Any, i: Any, of: Any) -> Any:
-    return (lambda a, i, of: a[i, of]) if a.ndim == 2 else (lambda a, i, of: a[i])
-
-@overload(put_lane, strict=False, inline="always")
-def _put_lane(a: Any, i: Any, of: Any, x: Any) -> Any:
-    if a.ndim == 2:
-
-        def many(a, i, of, x):
-            a[i, of] = x
-
-        return many
-
-    def one(a, i, of, x):
-        a[i] = x
-
-    return one
-
-@overload(lanes_of, strict=False, inline="always")
-def _lanes_of(a: Any) -> Any:
-    return (lambda a: LANES) if a.ndim == 2 else (lambda a: 1)

@@ -24,7 +24,9 @@ from rbd.problem.gauss_problem import Law
 from rbd.solvers.default import slip_law
 from rbd.worlds import advance_kernel as rows
 from rbd.worlds.lanes import LANES
+from rbd.worlds.contact_kernel import law_size
 from rbd.worlds.packing import Packed, Touching
+from rbd.worlds.rescue_kernel import rescue
 
 EachWorld: TypeAlias = float | Sequence[float] | Array
 """A number, or one a world, shape (n,)."""
@@ -168,10 +170,11 @@ class Worlds:
         self._given = {name: self._packed_in(x.reshape(-1, x.shape[-1])) for name, x in acts.items()}
         self._given["proof"] = self._given["inertia"].copy()
         shape = lambda size: np.zeros((self.blocks, size, LANES))  # noqa: E731
-        self._q, self._v, self._before = shape(n + 6 * free), shape(robot.nv), shape(robot.nv)
+        self._q, self._v, self._before = shape(n + 6 * free), shape(robot.nv), shape(2 * robot.nv + 1)
         self._impulse, self._told = shape(3 * k + l), shape(rows.TOLD)
-        size = rows.size_of(n, free, k, l, len(sites.site), int(sites.site[:, 1].sum()))
-        self._spaces = [np.zeros((size, LANES)) for _ in range(min(threads, self.blocks))]
+        size, marks = rows.size_of(n, free, sites), rows.ACTIVE + 2 * len(sites.site)
+        self._spaces = [(np.zeros((size, LANES)), np.zeros(marks, int)) for _ in range(min(threads, self.blocks))]
+        self._law = size - law_size(n, sites)
         self._pool = ThreadPoolExecutor(len(self._spaces)) if len(self._spaces) > 1 else None
         self.steps, self.refused = 0, dict(given.refused)
         self.set(np.broadcast_to(given.q, (self.n, robot.nq)), np.broadcast_to(given.v, (self.n, robot.nv)))
@@ -274,21 +277,30 @@ class Worlds:
     def advance(self, steps: int = 1) -> None:
         """Take some steps."""
         parts = np.linspace(0, self.blocks, len(self._spaces) + 1).astype(int)
-        jobs = [(space, a, b, steps) for space, a, b in zip(self._spaces, parts, parts[1:], strict=False)]
+        jobs = [(*own, a, b, steps) for own, a, b in zip(self._spaces, parts, parts[1:], strict=False)]
         if self._pool is None:
             self._advance(*jobs[0])
         else:
             list(self._pool.map(lambda job: self._advance(*job), jobs))
         self.steps += steps
 
-    def _advance(self, space: Array, first: int, last: int, steps: int) -> None:
-        given, touching = self._given, self.touching
-        rows.advance(
-            *self.packed.tree, *touching.sites, *touching.ground, self._push_bodies,
-            given["inertia"], given["proof"], given["joint"], given["world"], given["friction"], given["push"],
-            self._q, self._v, self._before, self._impulse, self._told, space,
-            first, last, self.steps, steps, self.t, self.step, self.coulomb,
-        )  # fmt: skip
+    def _advance(self, space: Array, whole: Array, first: int, last: int, steps: int) -> None:
+        """Steps of some blocks; a world that is not solved with the others of its block is solved alone."""
+        given, touching, tree = self._given, self.touching, self.packed.tree
+        whole[:] = 0
+        whole[rows.BLOCK] = first
+        while True:
+            rows.advance(
+                *tree, *touching.sites, *touching.ground, self._push_bodies,
+                given["inertia"], given["proof"], given["joint"], given["world"], given["friction"], given["push"],
+                self._q, self._v, self._before, self._impulse, self._told, space, whole,
+                last, self.steps, steps, self.t, self.step, self.coulomb,
+            )  # fmt: skip
+            if not whole[rows.PART]:
+                return
+            rescue(
+                *touching.sites, self._told[whole[rows.BLOCK]], space[self._law :], whole, len(tree.parent), self.coulomb
+            )
 
     def _packed_in(self, x: Array) -> Array:
         """Rows by worlds, shape (rows, n) or (rows, 1), as blocks of lanes: one block where all worlds are alike."""

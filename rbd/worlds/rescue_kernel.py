@@ -1,0 +1,146 @@
+"""Worlds whose impulses were not found together with others: one after the other, by `rbd.solvers.law_kernel`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.kernels import COUNT, FLAG, array, compiled, signature
+from rbd.solvers.law_kernel import forces
+from rbd.solvers.newton_kernel import Problem
+from rbd.worlds.advance_kernel import ACTIVE, HOW_MANY, HOW_WIDE, RESCUED
+from rbd.worlds.contact_kernel import (
+    ARM,
+    FELT,
+    FIRST,
+    FOUND,
+    IDLE,
+    LEFT,
+    MANY,
+    MU,
+    NORMAL,
+    OFFSET,
+    POINT,
+    SITE_TYPES,
+    SIZE,
+    UNIT,
+    Law,
+    Sites,
+    law_in,
+)
+from rbd.worlds.lanes import lane, lanes_of, put_lane
+
+
+@compiled
+def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, law: Law, of: int) -> bool:
+    """One lane by the method for one world, `rbd.solvers.newton_kernel`; whether it found its weights, which are in `law.best`."""
+    k3, cones, singles = 3 * len(sites.arm), 0, 0
+    for a in range(count):
+        s = active[a]
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            if sites.site[s, SIZE] == 1:
+                singles += 1
+            elif lane(law.point, POINT * c + IDLE, of) < 0.5:
+                cones += 1
+    parts, p = singles + cones, singles + 3 * cones
+    D, columns, offset, whose = np.zeros((rows, rows)), np.zeros((p, 6)), np.zeros(p), np.zeros(parts, np.int64)
+    felt = np.zeros((p, 6))
+    first, width = np.zeros(parts, np.int64), np.zeros(parts, np.int64)
+    lower, upper, mu, w, axes = np.zeros(singles), np.zeros(singles), np.zeros(cones), np.zeros(p), np.zeros((cones, 3, 3))
+    for i in range(rows):
+        for j in range(rows):
+            D[i, j] = lane(law.mobility, i * rows + j, of)
+    at, cone = 0, 0
+    for a in range(count):
+        s = active[a]
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            if sites.site[s, SIZE] == 1:
+                unit = lane(law.single, 8 * c + 3, of)
+                columns[at, 0] = felt[at, 0] = 1.0
+                offset[at], whose[at] = lane(law.single, 8 * c, of), k3 + c
+                first[at], width[at] = starts[a], 1
+                lower[at], upper[at] = unit * lane(law.single, 8 * c + 1, of), unit * lane(law.single, 8 * c + 2, of)
+                at += 1
+            elif lane(law.point, POINT * c + IDLE, of) < 0.5:
+                i, E = singles + 3 * cone, axes[cone]
+                for r in range(3):
+                    E[2, r] = lane(law.point, POINT * c + NORMAL + r, of)
+                least = 0
+                for r in range(3):
+                    if abs(E[2, r]) < abs(E[2, least]):
+                        least = r
+                square = math.sqrt(1.0 - E[2, least] ** 2)
+                for r in range(3):
+                    E[0, r] = ((1.0 if r == least else 0.0) - E[2, least] * E[2, r]) / square
+                for r in range(3):
+                    E[1, r] = E[2, (r + 1) % 3] * E[0, (r + 2) % 3] - E[2, (r + 2) % 3] * E[0, (r + 1) % 3]
+                for e in range(3):
+                    for r in range(3):
+                        columns[i + e, r] = felt[i + e, r] = E[e, r]
+                        offset[i + e] += E[e, r] * lane(law.point, POINT * c + OFFSET + r, of)
+                        if sites.site[s, SIZE] == 6:
+                            y, z = (r + 1) % 3, (r + 2) % 3
+                            push, pull = POINT * c + ARM, POINT * c + FELT
+                            columns[i + e, 3 + r] = lane(law.point, push + y, of) * E[e, z] - lane(law.point, push + z, of) * E[e, y]
+                            felt[i + e, 3 + r] = lane(law.point, pull + y, of) * E[e, z] - lane(law.point, pull + z, of) * E[e, y]
+                mu[cone], whose[singles + cone] = lane(law.point, POINT * c + MU, of), c
+                first[singles + cone], width[singles + cone] = starts[a], sites.site[s, SIZE]
+                cone += 1
+    problem = Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu)
+    merit, _, _ = forces(problem, np.zeros(p), coulomb, np.arange(parts), w)
+    if not merit <= FOUND:
+        return False
+    for at in range(singles):
+        put_lane(law.best, whose[at], of, w[at] / lane(law.single, 8 * (whose[at] - k3) + 3, of))
+    for cone in range(cones):
+        for r in range(3):
+            x = 0.0
+            for e in range(3):
+                x += axes[cone, e, r] * w[singles + 3 * cone + e]
+            put_lane(law.best, 3 * whose[singles + cone] + r, of, x / lane(law.point, POINT * whose[singles + cone] + UNIT, of))
+    return True
+
+
+def rescue_block(
+    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
+    told: Array, space: Array, whole: Array, n: int, coulomb: bool,
+) -> None:  # fmt: skip
+    """Find the impulses of those worlds of a block that are left; which are still left is in `law.merit`.
+
+    Args:
+        site: As of `Sites`, as are the next seven.
+        place: As there.
+        arm: As there.
+        path: As there.
+        path_start: As there.
+        common: As there.
+        common_start: As there.
+        single: As there.
+        told: What is told of the block, shape (TOLD, lanes); written.
+        space: Working memory of the contact problem, shape (rows, lanes); written.
+        whole: As of `advance_blocks`.
+        n: Number of bodies.
+        coulomb: Coulomb's law; else the convex one.
+    """
+    sites = Sites(site, place, arm, path, path_start, common, common_start, single)
+    law, s = law_in(space, sites, n), len(site)
+    for of in range(lanes_of(told)):
+        if lane(law.merit, LEFT, of) > 0.5:
+            put_lane(told, RESCUED, of, lane(told, RESCUED, of) + 1.0)
+            found = alone(
+                sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], coulomb, law, of
+            )
+            if found:
+                put_lane(law.merit, LEFT, of, 0.0)
+
+
+_WRITTEN = array(2, written=True)
+rescue = compiled(
+    rescue_block,
+    signature(None, *SITE_TYPES, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), COUNT, FLAG),
+    unlocked=True,
+)
+rescue_alone = compiled(rescue_block)
+"""For arrays without lanes."""
