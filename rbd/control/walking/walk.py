@@ -111,9 +111,8 @@ class Walk(Displayed):
         plans: (time, plan) of those that were made on the way.
 
     Raises:
-        InputError: velocities that are too fast, with the limit; gaits that take too much of the torques, or roll too far; a
-            footstep without a place to stand on; one out of reach, with
-            the nearest place that is not; wrong kinds.
+        InputError: velocities that are too fast, with the limit; gaits that take too much of torques or speeds, or roll too
+            far; a footstep without a place to stand on; one out of reach, with the nearest place that is not; wrong kinds.
         ModelError: a robot without feet; two feet that are points; feet that joints move in too few directions.
         SingularInertia: M is singular where it starts.
         CannotReach: it cannot stand on the ground where it starts.
@@ -340,9 +339,10 @@ class Walk(Displayed):
 
     def _check_speed(self, step: Footstep, poses: Sequence[tuple[float, State]]) -> None:
         """Refuse a swing after which a joint of the legs, at its speed limit, is behind its pose when the foot lands."""
-        joints = [j for j in self.robot.joints.values() if j.nq == 1 and j.id in leg_joints(self.robot, self.contacts)]
+        legs = leg_joints(self.robot, self.contacts)
+        joints = [j for j in self.robot.joints.values() if j.nq == 1 and j.id in legs]
         speed, at = np.array([j.speed for j in joints]), [j.q.start for j in joints]
-        if len(poses) < 2:
+        if not poses or not joints:
             return
         reached, before = poses[0][1].q[at], poses[0][0]
         for t, pose in poses[1:]:
