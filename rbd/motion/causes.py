@@ -233,15 +233,15 @@ def jumps(motion: Motion) -> Array:
     dt = np.diff(motion.t)
     v, a = motion.v, motion.a
     rest = steps / dt[:, None] - 0.5 * (v[:-1] + v[1:])
-    odd = np.full_like(steps, np.inf)
-    for rates in (rest, rest - (a[:-1] - a[1:]) * dt[:, None] / 12.0):  # an acceleration of one instant says nothing of a frame
-        odd[1:-1] = np.minimum(odd[1:-1], np.abs(rates[1:-1] - 0.5 * (rates[:-2] + rates[2:])) * dt[1:-1, None])
-    odd[[0, -1]] = 0.0
     half = max(3, round(0.25 / float(np.median(dt))))
-    high = odd > _JUMP
-    high[1:-1] &= (odd[1:-1] >= odd[:-2]) & (odd[1:-1] >= odd[2:])
-    for i in np.flatnonzero(high.any(axis=1)):
-        high[i] &= odd[i] > _USUAL * np.median(odd[max(0, i - half) : i + half + 1], axis=0)
+    high = np.ones_like(steps, bool)
+    for rates in (rest, rest - (a[:-1] - a[1:]) * dt[:, None] / 12.0):  # the a of one instant says nothing of a whole frame
+        odd = np.zeros_like(steps)
+        odd[1:-1] = np.abs(rates[1:-1] - 0.5 * (rates[:-2] + rates[2:])) * dt[1:-1, None]
+        high &= odd > _JUMP
+        high[1:-1] &= (odd[1:-1] >= odd[:-2]) & (odd[1:-1] >= odd[2:])
+        for i in np.flatnonzero(high.any(axis=1)):
+            high[i] &= odd[i] > _USUAL * np.median(odd[max(0, i - half) : i + half + 1], axis=0)
     at = np.flatnonzero(high.any(axis=1))
     out[at] = out[at + 1] = True
     return out
