@@ -222,8 +222,8 @@ def beyond_curves(tau: Array, bounds: tuple[Array, Array], limit: Array) -> Arra
 def jumps(motion: Motion) -> Array:
     """Frames before and after a step of the data that its neighbours do not explain, shape (n,).
 
-    A step of a coordinate, less what its v and a explain, that is off the mean of those before and after it by 0.03 (m, rad),
-    and by eight times of what is usual within half a second, and by more than both of its neighbours are.
+    A step of a coordinate, less what its v, or v and a, explain, that is off the mean of those before and after it by 0.03 (m,
+    rad), and by eight times of what is usual within half a second, and by more than both of its neighbours are.
     """
     n, model = motion.n, motion.robot.model
     out = np.zeros(n, bool)
@@ -232,14 +232,16 @@ def jumps(motion: Motion) -> Array:
     steps = np.array([pin.difference(model, motion.q[i], motion.q[i + 1]) for i in range(n - 1)])
     dt = np.diff(motion.t)
     v, a = motion.v, motion.a
-    rates = steps / dt[:, None] - 0.5 * (v[:-1] + v[1:]) - (a[:-1] - a[1:]) * dt[:, None] / 12.0
-    odd = np.zeros_like(steps)
-    odd[1:-1] = np.abs(rates[1:-1] - 0.5 * (rates[:-2] + rates[2:])) * dt[1:-1, None]
+    rest = steps / dt[:, None] - 0.5 * (v[:-1] + v[1:])
     half = max(3, round(0.25 / float(np.median(dt))))
-    high = odd > _JUMP
-    high[1:-1] &= (odd[1:-1] >= odd[:-2]) & (odd[1:-1] >= odd[2:])
-    for i in np.flatnonzero(high.any(axis=1)):
-        high[i] &= odd[i] > _USUAL * np.median(odd[max(0, i - half) : i + half + 1], axis=0)
+    high = np.ones_like(steps, bool)
+    for rates in (rest, rest - (a[:-1] - a[1:]) * dt[:, None] / 12.0):  # the a of one instant says nothing of a whole frame
+        odd = np.zeros_like(steps)
+        odd[1:-1] = np.abs(rates[1:-1] - 0.5 * (rates[:-2] + rates[2:])) * dt[1:-1, None]
+        high &= odd > _JUMP
+        high[1:-1] &= (odd[1:-1] >= odd[:-2]) & (odd[1:-1] >= odd[2:])
+        for i in np.flatnonzero(high.any(axis=1)):
+            high[i] &= odd[i] > _USUAL * np.median(odd[max(0, i - half) : i + half + 1], axis=0)
     at = np.flatnonzero(high.any(axis=1))
     out[at] = out[at + 1] = True
     return out

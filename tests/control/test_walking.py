@@ -185,6 +185,16 @@ def test_robots_that_cannot_walk_are_refused(name: str, gait: str | None, said: 
         Walk(rbd.load_robot(name), gait=gait)
 
 
+def test_a_walk_that_joints_are_too_slow_for_is_refused(exhaustive: bool) -> None:
+    """Romeo's hips turn by 0.32 rad/s: at 0.175 rad a swing they are behind when a foot lands; at 0.15 rad, exhaustive, not."""
+    romeo = rbd.load_robot("romeo")
+    with pytest.raises(InputError, match=r"too slow .*: '[LR]HipYaw', with at most 0\.32 rad/s, is 0\.0[12]\d rad behind"):
+        Walk(romeo, 2, (0.0, 0.0, 0.2))
+    if exhaustive:
+        walk = Walk(romeo, 6, (0.0, 0.0, 0.17))
+        check(walk, walked(walk))
+
+
 @pytest.mark.filterwarnings("ignore::rbd.errors.ModelWarning")
 @pytest.mark.parametrize("name", ["romeo_full", "icub_full"])
 def test_a_singular_inertia_is_refused(name: str) -> None:
@@ -332,7 +342,7 @@ def random_walk(rng: np.random.Generator, name: str | None = None) -> Walk:
 
 @pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")  # energy that steps of 2 ms lose where a foot turns fast
 def test_walks_drawn_at_random_stand_or_are_refused(exhaustive: bool) -> None:
-    """Fifty in exhaustive tests; of these two on stairs fall, a human and iCub."""
+    """Fifty in exhaustive tests; none falls."""
     rng, refused, n = np.random.default_rng(38), 0, 50 if exhaustive else 2
     fell = list[str]()
     for _ in range(n):
@@ -350,7 +360,7 @@ def test_walks_drawn_at_random_stand_or_are_refused(exhaustive: bool) -> None:
         end, off = run.state(-1), np.abs(run.com[-1] - walk.plan.centroid.com[-1]).max()
         if walk.log.violations or walk.log.residual.max() > 1e-8 or off > 0.02 or np.abs(end.v[:6]).max() > 0.05:
             fell.append(walk.robot.name)
-    assert refused <= n // 2 and len(fell) <= n // 25 and {*fell} <= {"human", "icub"}
+    assert refused <= n // 2 and not fell
 
 
 def test_gaits() -> None:

@@ -131,5 +131,5 @@ def test_hips_bound_how_far_a_step_turns(exhaustive: bool) -> None:
         found = turning_range(robot, walk.state, walk.plan.poses, "left_sole")
         assert widest - 0.05 <= found <= widest
         if found < 1.25:
-            with pytest.raises(InputError, match=r"0\.1\d+ rad/s of romeo"):
-                Walk(robot, 6, (0.0, 0.0, 0.3))
+            with pytest.raises(InputError, match=r"0\.2\d+ rad/s of romeo"):
+                Walk(robot, 6, (0.0, 0.0, 0.35))

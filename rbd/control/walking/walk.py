@@ -20,7 +20,7 @@ from rbd.control.motion_limits import Limits
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.task_terms import Reference, Task
 from rbd.control.tasks import ComTask, FrameTask, PostureTask
-from rbd.control.walking.arms import ArmsGiven, HeldArms, arms_of, given_arms
+from rbd.control.walking.arms import ArmsGiven, HeldArms, arms_of, given_arms, leg_joints
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
 from rbd.control.walking.gaits import TWO, Gait, gait_of, heading_of, roles_of
 from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet, turning_range
@@ -58,10 +58,11 @@ RISE = 0.18
 """A foot is put at most so much higher or lower than the others, over h."""
 REACHED = 0.1
 """A footstep is out of reach where feet or the centre of mass are off by more in every pose, over h."""
-LONGEST, TURNS, TURNED = 2.0, 0.5, 0.25
+LONGEST, TURNS, TURNED = 2.0, 0.5, 0.5
 """Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]; and on two feet,
-as a share of the angle between them that legs allow. A foot turns by twice as much before the other follows, so half of it is
-left for balance: Romeo, with 0.5 rad, fell at 0.2 rad a swing, and walks at 0.125."""
+as a share of the angle between them that legs allow: a foot turns by twice as much before the other follows."""
+BETWEEN, BEHIND = 3, 1e-3
+"""For speeds, a swing is looked at in so many times as many poses as for torques. Joints are not behind by less [rad]."""
 
 
 class Walk(Displayed):
@@ -110,9 +111,8 @@ class Walk(Displayed):
         plans: (time, plan) of those that were made on the way.
 
     Raises:
-        InputError: velocities that are too fast, with the limit; gaits that take too much of the torques, or roll too far; a
-            footstep without a place to stand on; one out of reach, with
-            the nearest place that is not; wrong kinds.
+        InputError: velocities that are too fast, with the limit; gaits that take too much of torques or speeds, or roll too
+            far; a footstep without a place to stand on; one out of reach, with the nearest place that is not; wrong kinds.
         ModelError: a robot without feet; two feet that are points; feet that joints move in too few directions.
         SingularInertia: M is singular where it starts.
         CannotReach: it cannot stand on the ground where it starts.
@@ -126,8 +126,10 @@ class Walk(Displayed):
         0.042 m, 0 violated steps
     """
 
-    _costs: ClassVar[tuple[float, Any, float]] = 1000.0, 10.0, 0.5
-    """Of the centre of mass, of how the base is turned, and of the posture."""
+    _costs: ClassVar[tuple[float, Any, float, float]] = 1000.0, 10.0, 0.5, 0.005
+    """Of the centre of mass, of how the base is turned, and of the posture, of legs the last: they follow base and feet. A leg
+    that is nearly straight bends its knee by 170 rad/s2 to lift its foot; where its posture costs as much as others, half of it
+    is left to the body: iCub and a human jumped on stairs, and fell."""
 
     def __init__(
         self,
@@ -241,13 +243,13 @@ class Walk(Displayed):
 
     def _tasks(self, R: Array) -> list[Task]:
         """What is followed; the base more firmly where it is to tilt, all more firmly by small robots on four feet."""
-        com, firm, posture = self._costs
+        com, firm, *_ = self._costs
         firm, size = 100.0 if self.gait.tilt else firm, 1.0 if len(self.contacts) == 2 else self._planner.h / SIZE
         tasks: list[Task] = [
             ComTask(self._com, cost=com / size**2, gain=60.0 / size),
             MomentumTask(self._momentum, angular_cost=3.0 / size**4, gain=5.0 / math.sqrt(size)),
             FrameTask(self._base, partial(self._turned, R), orientation_cost=firm, gain=80.0 / size),
-            PostureTask(self.state.q if self._arms is None else self._posture, cost=posture, gain=40.0 / size),
+            PostureTask(self.state.q if self._arms is None else self._posture, cost=self._posture_costs(), gain=40.0 / size),
         ]
         for foot in self.contacts:
             offset = foot.placement.act(foot.corners.mean(axis=0))
@@ -258,6 +260,12 @@ class Walk(Displayed):
                 )
             )  # fmt: skip
         return tasks
+
+    def _posture_costs(self) -> dict[str, float]:
+        """{joint: cost of its posture}; on four feet legs count as the others."""
+        legs = leg_joints(self.robot, self.contacts) if len(self.contacts) == 2 else ()
+        *_, others, own = self._costs
+        return {name: own if self.robot.joints[name].id in legs else others for name in self.robot.actuated_names}
 
     def _advance(self, velocity: Any) -> Array:
         """How far the body moves forwards and aside, and turns, in one swing and overlap [m, rad]."""
@@ -304,13 +312,16 @@ class Walk(Displayed):
         """Poses of the plan and their times; refused are footsteps without one, or with one that takes too large torques."""
         plan, out = self._first, list[tuple[float, State]]()
         for step in plan.footsteps:
-            for t in np.linspace(step.start, step.end, 4).tolist():
+            known = list[tuple[float, State]]()
+            for i, t in enumerate(np.linspace(step.start, step.end, 3 * BETWEEN + 1).tolist()):
                 targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
                 near = self._carried(t)
                 try:
                     near = find_pose(self.robot, targets, posture=near, com=plan.com(t).value).state
-                    self._check_strength(near, t)
-                    out.append((t, near))
+                    known.append((t, near))
+                    if i % BETWEEN == 0:
+                        self._check_strength(near, t)
+                        out.append((t, near))
                 except CannotReach as error:
                     worst = max((max(miss.distance, 0.1 * miss.angle) for miss in error.misses.values()), default=math.inf)
                     if worst < REACHED * self._planner.h:
@@ -323,7 +334,28 @@ class Walk(Displayed):
                         f"at {t:.2f} s the nearest pose is {1e3 * worst:.0f} mm off, with this foot at "
                         f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
+            self._check_speed(step, known)
         return out
+
+    def _check_speed(self, step: Footstep, poses: Sequence[tuple[float, State]]) -> None:
+        """Refuse a swing after which a joint of the legs, at its speed limit, is behind its pose when the foot lands."""
+        legs = leg_joints(self.robot, self.contacts)
+        joints = [j for j in self.robot.joints.values() if j.nq == 1 and j.id in legs]
+        speed, at = np.array([j.speed for j in joints]), [j.q.start for j in joints]
+        if not poses or not joints:
+            return
+        reached, before = poses[0][1].q[at], poses[0][0]
+        for t, pose in poses[1:]:
+            far = speed * (t - before)
+            reached, before = reached + np.clip(pose.q[at] - reached, -far, far), t
+        behind = np.abs(poses[-1][1].q[at] - reached)
+        k = int(behind.argmax())
+        if behind[k] > BEHIND:
+            raise InputError(
+                f"{self.robot.name} is too slow for this walk: {joints[k].name!r:.80}, with at most {speed[k]:.3g} rad/s, is "
+                f"{behind[k]:.3f} rad behind when {step.foot!r:.80} lands at {step.end:.2f} s. Give a slower velocity, or a "
+                "gait with longer swings."
+            )
 
     def _arms_of(self, given: Any, poses: Sequence[tuple[float, State]]) -> HeldArms | None:
         """How arms are held; None: as at the start."""
