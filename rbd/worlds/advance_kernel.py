@@ -75,10 +75,12 @@ INERTIA = 11
 """Numbers of a body: mass, centre of mass, inertia about it, armature of its joint."""
 WORLD = 4
 """Rows of a world: gravity (3), height of the ground."""
-EQUATION, CONTACT, DEPTH, RESCUED, STOPPED = range(5)
-"""Rows of what is told of a world: largest residuals of equation and law, largest depth [m], steps solved alone, and whether it
-stopped: 0, or the number of the step plus one."""
-TOLD = 5
+EQUATION, CONTACT, DEPTH, RESCUED, STOPPED, TURN = range(6)
+"""Rows of what is told of a world: largest residuals of equation and law, largest depth [m], steps solved alone, whether it
+stopped: 0, or the number of the step plus one; and the largest angle by which a body turned in a step [rad]."""
+TOLD = 6
+WILD = 1.0
+"""A world in which a body turns by more than this in a step [rad] stops."""
 MOBILITY = 3.0
 """Of each scaled point: between fewest steps of points that slide, 1, and of those that strike, 10."""
 SHARE = 0.5
@@ -453,11 +455,12 @@ def equation_residual(
 ) -> Number:  # fmt: skip
     """What is missing in the equations of motion with the velocities at the end of the step, over the forces in them.
 
-    By Newton's and Euler's equations of each body about its centre of mass.
+    By Newton's and Euler's equations of each body about its centre of mass. Row DEEP of `law.merit` gets the largest angle by
+    which a body turns.
     """
     n, free, work, zero = len(tree.parent), tree.free, space.work, spread(v, 0.0)
     g = three(given.world, 0)
-    size, far = zero, zero + 1e-3
+    size, far, spins = zero, zero + 1e-3, zero
     for j in range(n):
         o, k, i = j * ROWS, tree.parent[j], 5 * free + j
         if j < free:
@@ -477,6 +480,7 @@ def equation_residual(
             a = plus(a, plus(times(x, s), times(rate, plus(cross(w, s), cross(l, z)))))
             b = plus(b, plus(times(x, z), times(rate, cross(w, z))))
             l, w = plus(l, times(rate, s)), plus(w, times(rate, z))
+        spins = above(dot(w, w), spins, dot(w, w), spins)
         put(work, o + V, l)
         put(work, o + V + 3, w)
         put(work, o + CHANGE, a)
@@ -520,6 +524,7 @@ def equation_residual(
         for r in range(6):
             x = load(work, U + r) / (far if r > 2 else zero + 1.0)
             worst = above(x, worst, x, above(-x, worst, -x, worst))
+    store(law.merit, DEEP, h * root(spins))
     return worst / size
 
 
@@ -622,7 +627,9 @@ def ended_step(
                 else:
                     put(impulse, 3 * c, times(load(law.point, POINT * c + UNIT), three(law.best, 3 * c)))
     equation = equation_residual(tree, given, sites, active, count, starts, h, v, law, space)
-    fine = above(equation, -1.0, one, zero) * (1.0 - failed)  # what is not finite anywhere is not in the equation
+    turn = load(law.merit, DEEP)
+    fine = above(equation, -1.0, above(turn, WILD, zero, one), zero) * (1.0 - failed)  # NaN anywhere is in the equation
+    store(told, TURN, above(turn * fine * moves, load(told, TURN), turn, load(told, TURN)))
     lost = above(fine, 0.5, zero, moves)
     store(told, STOPPED, above(lost, 0.5, one * (number + 1.0), load(told, STOPPED)))
     store(told, EQUATION, above(equation * fine * moves, load(told, EQUATION), equation, load(told, EQUATION)))

@@ -115,7 +115,8 @@ class Law(NamedTuple):
 
 
 LEAST, MERIT, SQUARE, SCALE, DEEP, ARRIVAL, ARRIVES, LEFT = range(8)
-"""Rows of `Law.merit`."""
+"""Rows of `Law.merit`, which is the last."""
+MERITS = 8
 
 
 @compiled
@@ -566,7 +567,7 @@ def law_in(space: Array, sites: Sites, n: int) -> Law:
     for a in range(s):
         rows += sites.site[a, SIZE]
     w, square = 3 * k + l, rows * rows
-    at = offsets((rows * n, 6 * rows, square, square, square, POINT * k, 8 * l, w, w, w, w, s, 36, square, rows, rows, 8))
+    at = offsets((rows * n, 6 * rows, square, square, square, POINT * k, 8 * l, w, w, w, w, s, 36, square, rows, rows, MERITS))
     return Law(
         space[at[0] : at[1]], space[at[1] : at[2]], space[at[2] : at[3]], space[at[3] : at[4]], space[at[4] : at[5]],
         space[at[5] : at[6]], space[at[6] : at[7]], space[at[7] : at[8]], space[at[8] : at[9]], space[at[9] : at[10]],

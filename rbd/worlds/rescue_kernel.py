@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.kernels import COUNT, FLAG, array, compiled, signature
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import forces
 from rbd.solvers.newton_kernel import Problem
 from rbd.worlds.advance_kernel import ACTIVE, HOW_MANY, HOW_WIDE, RESCUED
@@ -34,9 +34,11 @@ from rbd.worlds.lanes import lane, lanes_of, put_lane
 
 
 @compiled
-def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, law: Law, of: int) -> bool:
-    """One lane by the method for one world, `rbd.solvers.newton_kernel`; whether it found its weights, which are in `law.best`."""
-    k3, cones, singles = 3 * len(sites.arm), 0, 0
+def problem_of(
+    sites: Sites, active: Array, count: int, starts: Array, rows: int, law: Law, of: int
+) -> tuple[Problem, Array, Array]:  # fmt: skip
+    """(the problem of one lane, not scaled; the axes of its points, shape (k, 3, 3); which single or point each part is)."""
+    cones, singles = 0, 0
     for a in range(count):
         s = active[a]
         for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
@@ -48,7 +50,7 @@ def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, cou
     D, columns, offset, whose = np.zeros((rows, rows)), np.zeros((p, 6)), np.zeros(p), np.zeros(parts, np.int64)
     felt = np.zeros((p, 6))
     first, width = np.zeros(parts, np.int64), np.zeros(parts, np.int64)
-    lower, upper, mu, w, axes = np.zeros(singles), np.zeros(singles), np.zeros(cones), np.zeros(p), np.zeros((cones, 3, 3))
+    lower, upper, mu, axes = np.zeros(singles), np.zeros(singles), np.zeros(cones), np.zeros((cones, 3, 3))
     for i in range(rows):
         for j in range(rows):
             D[i, j] = lane(law.mobility, i * rows + j, of)
@@ -59,7 +61,7 @@ def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, cou
             if sites.site[s, SIZE] == 1:
                 unit = lane(law.single, 8 * c + 3, of)
                 columns[at, 0] = felt[at, 0] = 1.0
-                offset[at], whose[at] = lane(law.single, 8 * c, of), k3 + c
+                offset[at], whose[at] = lane(law.single, 8 * c, of), c
                 first[at], width[at] = starts[a], 1
                 lower[at], upper[at] = unit * lane(law.single, 8 * c + 1, of), unit * lane(law.single, 8 * c + 2, of)
                 at += 1
@@ -88,26 +90,28 @@ def alone(sites: Sites, active: Array, count: int, starts: Array, rows: int, cou
                 mu[cone], whose[singles + cone] = lane(law.point, POINT * c + MU, of), c
                 first[singles + cone], width[singles + cone] = starts[a], sites.site[s, SIZE]
                 cone += 1
-    problem = Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu)
-    merit, _, _ = forces(problem, np.zeros(p), coulomb, np.arange(parts), w)
-    if not merit <= FOUND:
-        return False
+    return Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu), axes, whose
+
+@compiled
+def taken(law: Law, points: int, axes: Array, whose: Array, of: int, w: Array) -> None:
+    """Write the impulses found for one lane into `law.best`."""
+    singles = len(whose) - len(axes)
     for at in range(singles):
-        put_lane(law.best, whose[at], of, w[at] / lane(law.single, 8 * (whose[at] - k3) + 3, of))
-    for cone in range(cones):
+        put_lane(law.best, 3 * points + whose[at], of, w[at] / lane(law.single, 8 * whose[at] + 3, of))
+    for cone in range(len(axes)):
+        c = whose[singles + cone]
         for r in range(3):
             x = 0.0
             for e in range(3):
                 x += axes[cone, e, r] * w[singles + 3 * cone + e]
-            put_lane(law.best, 3 * whose[singles + cone] + r, of, x / lane(law.point, POINT * whose[singles + cone] + UNIT, of))
-    return True
+            put_lane(law.best, 3 * c + r, of, x / lane(law.point, POINT * c + UNIT, of))
 
 
 def rescue_block(
     site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
     told: Array, space: Array, whole: Array, n: int, coulomb: bool,
 ) -> None:  # fmt: skip
-    """Find the impulses of those worlds of a block that are left; which are still left is in `law.merit`.
+    """Find the impulses of those worlds of a block that are left; the others are still marked.
 
     Args:
         site: As of `Sites`, as are the next seven.
@@ -129,11 +133,47 @@ def rescue_block(
     for of in range(lanes_of(told)):
         if lane(law.merit, LEFT, of) > 0.5:
             put_lane(told, RESCUED, of, lane(told, RESCUED, of) + 1.0)
-            found = alone(
-                sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], coulomb, law, of
+            problem, axes, whose = problem_of(
+                sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
             )
-            if found:
+            w = np.zeros(len(problem.offset))
+            merit, _, _ = forces(problem, w.copy(), coulomb, np.arange(len(whose)), w)
+            if merit <= FOUND:
+                taken(law, len(arm), axes, whose, of, w)
                 put_lane(law.merit, LEFT, of, 0.0)
+
+
+def _left_problem(
+    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
+    space: Array, whole: Array, n: int, of: int,
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
+    """(D, columns, felt, offset, first, width, lower, upper, mu) of a lane: see `rbd.solvers.newton_kernel.Problem`."""
+    sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
+    law = law_in(space, sites, n)
+    problem, _, _ = problem_of(
+        sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
+    )
+    return (
+        problem.D, problem.columns, problem.felt, problem.offset, problem.first, problem.width, problem.lower, problem.upper,
+        problem.mu,
+    )  # fmt: skip
+
+
+def _taken_from(
+    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
+    space: Array, whole: Array, n: int, of: int, coulomb: bool, guess: Array,
+) -> float:  # fmt: skip
+    """The merit of the impulses of a lane, found from a guess; taken where that is good enough."""
+    sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
+    law, w = law_in(space, sites, n), np.zeros(len(guess))
+    problem, axes, whose = problem_of(
+        sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
+    )
+    merit, _, _ = forces(problem, guess.copy(), coulomb, np.arange(len(whose)), w)
+    if merit <= FOUND:
+        taken(law, len(arm), axes, whose, of, w)
+        put_lane(law.merit, LEFT, of, 0.0)
+    return merit
 
 
 _WRITTEN = array(2, written=True)
@@ -141,6 +181,18 @@ rescue = compiled(
     rescue_block,
     signature(None, *SITE_TYPES, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), COUNT, FLAG),
     unlocked=True,
+)
+left_problem = compiled(
+    _left_problem,
+    signature(
+        (array(2, written=True), *[array(2, written=True)] * 2, array(1, written=True), *[array(1, COUNT, written=True)] * 2,
+         *[array(1, written=True)] * 3),
+        *SITE_TYPES, array(2, written=True), array(1, COUNT, written=True), COUNT, COUNT,
+    ),
+)  # fmt: skip
+taken_from = compiled(
+    _taken_from,
+    signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1)),
 )
 rescue_alone = compiled(rescue_block)
 """For arrays without lanes."""

@@ -170,7 +170,8 @@ class _Record:
         n, robot, k = worlds.n, worlds.robot, len(worlds.touching.sites.arm)
         self.worlds, self.at = worlds, 0
         self.t, self.q, self.v = np.zeros(samples), np.full((n, samples, robot.nq), np.nan), np.full((n, samples, robot.nv), np.nan)
-        self.residual, self.depth, self.points = np.zeros((n, samples)), np.zeros((n, samples)), np.zeros((n, samples, k, 3))
+        self.residual, self.depth, self.turn = (np.zeros((n, samples)) for _ in range(3))
+        self.points = np.zeros((n, samples, k, 3))
 
     def add(self) -> None:
         """The worlds as they are now; those that stopped have no state."""
@@ -178,12 +179,13 @@ class _Record:
         goes = worlds.stopped < 0
         self.t[i], self.at = worlds.t, i + 1
         self.q[goes, i], self.v[goes, i] = worlds.q[goes], worlds.v[goes]
-        self.residual[:, i], self.depth[:, i], self.points[:, i] = worlds.residual, worlds.depth, worlds.point_forces
+        self.residual[:, i], self.depth[:, i], self.turn[:, i] = worlds.residual, worlds.depth, worlds.turn
+        self.points[:, i] = worlds.point_forces
         worlds.forget()
 
     def trajectories(self, given: Mapping[str, Any], asked: Torques | None) -> Trajectories:
         worlds = self.worlds
         return Trajectories(
-            worlds.robot, self.t, self.q, self.v, self.residual, self.depth, self.points, worlds.stopped, worlds.rescued,
+            worlds.robot, self.t, self.q, self.v, self.residual, self.depth, self.turn, self.points, worlds.stopped, worlds.rescued,
             dict(worlds.refused), worlds.touching.points, given, asked,
         )  # fmt: skip

@@ -24,7 +24,8 @@ from rbd.problem.gauss_problem import Law
 from rbd.solvers.default import slip_law
 from rbd.worlds import advance_kernel as rows
 from rbd.worlds.lanes import LANES
-from rbd.worlds.contact_kernel import law_size
+from rbd.worlds.contact_kernel import LEFT, MERITS, law_size
+from rbd.worlds.hard_steps import solve_hard_step
 from rbd.worlds.packing import Packed, Touching
 from rbd.worlds.rescue_kernel import rescue
 
@@ -218,8 +219,16 @@ class Worlds:
         return self._unpacked(self._told)[:, rows.DEPTH]
 
     @property
+    def turn(self) -> Array:
+        """The largest angle by which a body turned in a step since `forget`, shape (n,) [rad]; from 1 on a world stops."""
+        return self._unpacked(self._told)[:, rows.TURN]
+
+    @property
     def stopped(self) -> Array:
-        """The step before which each world stopped, since it has no solution or is not finite; -1: it goes on; shape (n,)."""
+        """The step before which each world stopped: it has no solution, is not finite, or turns too fast; -1: it goes on.
+
+        Shape (n,).
+        """
         return self._unpacked(self._told)[:, rows.STOPPED].astype(int) - 1
 
     @property
@@ -242,7 +251,7 @@ class Worlds:
 
     def forget(self) -> None:
         """Begin anew with the largest residuals and depths."""
-        self._told[:, [rows.EQUATION, rows.CONTACT, rows.DEPTH]] = 0.0
+        self._told[:, [rows.EQUATION, rows.CONTACT, rows.DEPTH, rows.TURN]] = 0.0
 
     def set(self, q: Array, v: Array, which: Array | None = None) -> None:
         """Put some worlds, given by number, or all, into states; they go on if they had stopped."""
@@ -298,9 +307,10 @@ class Worlds:
             )  # fmt: skip
             if not whole[rows.PART]:
                 return
-            rescue(
-                *touching.sites, self._told[whole[rows.BLOCK]], space[self._law :], whole, len(tree.parent), self.coulomb
-            )
+            own, n = space[self._law :], len(tree.parent)
+            rescue(*touching.sites, self._told[whole[rows.BLOCK]], own, whole, n, self.coulomb)
+            for lane in np.flatnonzero(own[LEFT - MERITS] > 0.5).tolist():
+                solve_hard_step(touching.sites, own, whole, n, lane, self.coulomb)
 
     def _packed_in(self, x: Array) -> Array:
         """Rows by worlds, shape (rows, n) or (rows, 1), as blocks of lanes: one block where all worlds are alike."""

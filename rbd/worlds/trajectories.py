@@ -16,6 +16,8 @@ from rbd.model.state import State
 
 ENOUGH = 1e-8
 """Scaled residual above which a world is flagged."""
+FAST = 0.25
+"""Angle by which a body turns in a step [rad] above which a world is flagged: its steps are too long."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,6 +32,7 @@ class Trajectories(Displayed):
         residual: The largest scaled residual of equation of motion and contact law in the steps since the sample before,
             shape (n, T).
         depth: How deep a point was below its surface in these steps, shape (n, T) [m].
+        turn: The largest angle by which a body turned in one of these steps, shape (n, T) [rad].
         points: Mean forces on the robot at the points in the last of these steps, world axes, shape (n, T, k, 3) [N].
         stopped: The step before which a world stopped, -1 where it did not, shape (n,).
         rescued: How many of its steps were solved alone, by the method for one world, shape (n,).
@@ -45,6 +48,7 @@ class Trajectories(Displayed):
     v: Array
     residual: Array
     depth: Array
+    turn: Array
     points: Array
     stopped: Array
     rescued: Array
@@ -63,8 +67,10 @@ class Trajectories(Displayed):
 
     @property
     def flagged(self) -> Array:
-        """The worlds that stopped, or whose residual is above 1e-8, by number."""
-        return np.flatnonzero((self.stopped >= 0) | (self.residual.max(axis=1) > ENOUGH))
+        """The worlds that stopped, whose residual is above 1e-8, or with a body that turned by more than 0.25 rad in a step."""
+        return np.flatnonzero(
+            (self.stopped >= 0) | (self.residual.max(axis=1) > ENOUGH) | (self.turn.max(axis=1) > FAST)
+        )
 
     @property
     def inaccurate(self) -> str:
@@ -74,7 +80,9 @@ class Trajectories(Displayed):
             return ""
         i = int(some[0])
         step = self.stopped[i]
-        what = f"stopped before step {step + 1}" if step >= 0 else f"has a residual of {self.residual[i].max():.2g}"
+        turn, residual = self.turn[i].max(), self.residual[i].max()
+        fast = f"has a body that turns by {turn:.2g} rad in a step" if turn > FAST else ""
+        what = f"stopped before step {step + 1}" if step >= 0 else fast or f"has a residual of {residual:.2g}"
         why = f": {self.refused[i]}" if i in self.refused else ""
         return (
             f"of {len(self)} worlds of {self.robot.name} {len(some)} are not accurate: world {i} {what}{why}. "

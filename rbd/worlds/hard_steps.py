@@ -1,0 +1,46 @@
+"""Steps of single worlds that Newton's method does not solve: by `rbd.ConeSolver`, and Newton's method from there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import RbdError
+from rbd.problem.cones import Bounds, FrictionCone
+from rbd.problem.gauss_problem import GaussProblem
+from rbd.problem.rows import Rows
+from rbd.solvers.admm import ConeSolver
+from rbd.worlds.contact_kernel import Sites
+from rbd.worlds.rescue_kernel import left_problem, taken_from
+
+
+def solve_hard_step(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: bool) -> None:
+    """Find the impulses of one lane, if possible; it stays marked where they are not found.
+
+    Args:
+        sites: What touches.
+        space: Memory of the contact problem, shape (rows, lanes); written.
+        whole: As of `advance_kernel.advance_blocks`.
+        n: Number of bodies.
+        of: The lane.
+        coulomb: Coulomb's law; else the convex one.
+    """
+    D, columns, felt, offset, first, width, lower, upper, mu = left_problem(*sites, space, whole, n, of)
+    if not (np.isfinite(D).all() and np.isfinite(offset).all()):
+        return
+    values, vectors = np.linalg.eigh(D)
+    W = vectors * np.sqrt(np.maximum(values, 0.0))
+    part = np.r_[np.arange(len(lower)), np.repeat(len(lower) + np.arange(len(mu)), 3)]
+    J = np.array([x[: width[i]] @ W[first[i] : first[i] + width[i]] for x, i in zip(felt, part, strict=True)])
+    rows = [Rows(f"single {i}", J[[i]], offset[[i]], Bounds(lower[[i]], upper[[i]])) for i in range(len(lower))]
+    at = len(lower)
+    rows += [
+        Rows(f"point {i}", J[at + 3 * i : at + 3 * i + 3], offset[at + 3 * i : at + 3 * i + 3], FrictionCone(float(m)))
+        for i, m in enumerate(mu)
+    ]
+    problem = GaussProblem(np.eye(len(D)), np.zeros(len(D)), rows)
+    try:
+        found = ConeSolver(law="coulomb" if coulomb else "convex").solve(problem)
+    except RbdError:
+        return
+    taken_from(*sites, space, whole, n, of, coulomb, np.ascontiguousarray(found.multipliers, float))
