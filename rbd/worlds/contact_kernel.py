@@ -2,9 +2,10 @@
 
     find w in its sets,   y = Q'^T D Q w + c   paired with it:   w = P(w - y)
 
-Rows are those of *sites*: three of a body that touches at one point, six of one that touches at several, one of a joint; D is the
-sites' mobility J M^-1 J^T. Q w is a force and a moment about the site's point; w of a point is in the world's axes, in units in
-which its mobility is about one; Q' has the points' arms at the end of the step, as turned by then. With V the slope of P, M = (I - (1 - k) V)^-1 V and h = (I - (1 - k) V)^-1 (P - w), point by point:
+Rows are those of *sites*: three of a body that touches at one point, six of one that touches at several, one of a joint; D is
+the sites' mobility J M^-1 J^T. Q w is a force and a moment about the site's point; w of a point is in the world's axes, in
+units in which its mobility is of order one; Q' has the points' arms at the end of the step. With V the slope of P, point by point
+M = (I - (1 - k) V)^-1 V and h = (I - (1 - k) V)^-1 (P - w):
 
     (I + C^T Q M Q'^T C) g = C^T Q h,      dw = h - M Q'^T C g,      D = C C^T
 
@@ -14,180 +15,50 @@ different times take the same steps, and what is solved stands still. D may be s
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.kernels import COUNT, array, compiled, inlined
+from rbd.kernels import compiled, inlined
 from rbd.worlds.lanes import Number, above, largest, load, root, spread, store
-from rbd.worlds.spatial_kernel import Three, cross, dot, minus, nine, plus, put, three, times, turned
-from rbd.worlds.tree_kernel import C as BIAS
-from rbd.worlds.tree_kernel import D, P, ROWS, R, S, U, Tree, base_lower
+from rbd.worlds.layout import (
+    ACROSS,
+    ALONG,
+    ARM,
+    EDGE,
+    FELT,
+    FIRST,
+    GAP,
+    IDLE,
+    LEAST,
+    MANY,
+    MERIT,
+    MERITS,
+    MU,
+    NORMAL,
+    OFFSET,
+    POINT,
+    SCALE,
+    SHIFT,
+    SIDE,
+    SIZE,
+    SQUARE,
+    STICK,
+    UNIT,
+    Law,
+)
+from rbd.worlds.sites_kernel import Sites
+from rbd.worlds.spatial_kernel import Three, cross, dot, minus, plus, put, three, times
 
-BODY, SIZE, FIRST, MANY = range(4)
-"""Columns of a site's integers: its body, rows, first point (or single) and how many."""
 MOST, TRIES, EARLY, GROWS, AGAIN, OPEN = 32, 7, 3, 4.0, 8, 20
-"""Newton's steps; halvings of one; the first in which the sum of squares may grow, and how much; the steps before which worlds that
-are not solved begin again: with all points sticking, and with all open."""
+"""Newton's steps; halvings of one; the first in which the sum of squares may grow, and how much; the steps before which worlds
+that are not solved begin again: with all points sticking, and with all open."""
 SOLVED = 1e-10
 """Scaled natural residual at which a world stands still, over the largest scaled velocity."""
 FOUND = 1e-9
 """That at which its answer is taken, if a further step has not halved it."""
-POINT = 30
-"""Rows of a point in `Law.point`."""
-ARM, NORMAL, OFFSET, MU, UNIT, IDLE, GAP, STICK, EDGE, SIDE, ACROSS, ALONG, FELT, SHIFT = (
-    0, 3, 6, 9, 10, 11, 12, 15, 16, 17, 18, 21, 24, 27
-)
-"""Where a point has what: its arm from the site's point, normal, velocity without impulses, friction, unit, whether it is out of
-reach, P(w - y) - w, whether it sticks, whether it slips, the share of its tangential force, directions across and along, its arm at the end of the step, and
-what was added to its velocity so that friction opposes that in the middle of the step."""
 DEPENDENT, TINY = 1e-13, 1e-300
 PROXIMAL = 1e-7
 """Compliance in Newton's matrix."""
-
-
-class Sites(NamedTuple):
-    """What touches: bodies with points, and joints.
-
-    Attributes:
-        site: Integers, shape (s, 4).
-        place: The site's point in its body, shape (s, 3).
-        arm: Of each contact point in its body, shape (k, 3).
-        path: Joints that move each site, from its body to the root, one after the other.
-        path_start: Where those of a site begin, shape (s + 1,).
-        common: Joints that move both of two sites.
-        common_start: Where those of sites a and b <= a begin, at a (a + 1) / 2 + b, shape (s (s + 1) / 2 + 1,).
-        single: The joint's velocity index of each single row, shape (l,).
-    """
-
-    site: Array
-    place: Array
-    arm: Array
-    path: Array
-    path_start: Array
-    common: Array
-    common_start: Array
-    single: Array
-
-
-class Law(NamedTuple):
-    """Working memory of the contact problem: rows by lanes.
-
-    Attributes:
-        lift: S . F of each row and joint, shape (rows n,).
-        base: L^-1 F of each row at the base, shape (6 rows,).
-        mobility: D, shape (rows rows,).
-        factor: C, shape (rows rows,).
-        turned: Q M Q^T C, shape (rows rows,).
-        point: Of each point, shape (POINT k,).
-        single: Of each single: offset, lower and upper bound, unit, gap, slope, shape (8 l,).
-        w: Weights, shape (3 k + l,).
-        new: As w.
-        best: As w.
-        move: As w.
-        live: Whether a site may touch, shape (s,).
-        block: Q M Q^T of a site, shape (36,).
-        system: C^T Q M Q^T C + I, shape (rows rows,).
-        load: Q w, shape (rows,).
-        answer: D Q w, shape (rows,).
-        merit: Least merit, merit, sum of squares, largest scaled velocity; the largest depth, when a point arrives in the step,
-            whether one does, and whether no impulses were found, shape (8,).
-    """
-
-    lift: Array
-    base: Array
-    mobility: Array
-    factor: Array
-    turned: Array
-    point: Array
-    single: Array
-    w: Array
-    new: Array
-    best: Array
-    move: Array
-    live: Array
-    block: Array
-    system: Array
-    load: Array
-    answer: Array
-    merit: Array
-
-
-LEAST, MERIT, SQUARE, SCALE, DEEP, ARRIVAL, ARRIVES, LEFT = range(8)
-"""Rows of `Law.merit`, which is the last."""
-MERITS = 8
-
-
-@compiled
-def site_point(sites: Sites, s: int, work: Array) -> Three:
-    """A site's point from O."""
-    o, r = sites.site[s, BODY] * ROWS, sites.place[s]
-    one = spread(work, 1.0)
-    return plus(three(work, o + P), turned(nine(work, o + R), (one * r[0], one * r[1], one * r[2])))
-
-
-@compiled
-def mobility(tree: Tree, sites: Sites, active: Array, count: int, starts: Array, work: Array, base: Array, law: Law) -> int:
-    """Write what unit forces on the active sites do, and D; how many rows they have.
-
-    D is zero where a site is idle, lane by lane: so what one world does is not changed by sites that others need.
-    """
-    n, free, rows, zero, one = len(tree.parent), tree.free, 0, spread(work, 0.0), spread(work, 1.0)
-    for a in range(count):
-        s = active[a]
-        starts[a] = rows
-        b, size = sites.site[s, BODY], sites.site[s, SIZE]
-        o = b * ROWS
-        x = site_point(sites, s, work)
-        for e in range(size):
-            f, m = (zero, zero, zero), (zero, zero, zero)
-            i = rows + e
-            if size > 1:
-                unit = (one if e % 3 == 0 else zero, one if e % 3 == 1 else zero, one if e % 3 == 2 else zero)
-                if e < 3:
-                    f, m = unit, cross(x, unit)
-                else:
-                    m = unit
-            for k in range(sites.path_start[s], sites.path_start[s + 1]):
-                j = sites.path[k]
-                o = j * ROWS
-                u = dot(three(work, o + S), f) + dot(three(work, o + S + 3), m)
-                if size == 1 and j == b:
-                    u = u + one
-                store(law.lift, i * n + j, u)
-                t = u * load(work, o + D)
-                f = minus(f, times(t, three(work, o + U)))
-                m = minus(m, times(t, three(work, o + U + 3)))
-            if free:
-                f, m = base_lower(base, f, m)
-                put(law.base, 6 * i, f)
-                put(law.base, 6 * i + 3, m)
-        rows += size
-    for a in range(count):
-        s = active[a]
-        live = load(law.live, s)
-        for i in range(starts[a], starts[a] + sites.site[s, SIZE]):
-            f, m = (zero, zero, zero), (zero, zero, zero)
-            if free:
-                f = (load(law.base, 6 * i) * load(base, 0), load(law.base, 6 * i + 1) * load(base, 1), load(law.base, 6 * i + 2) * load(base, 2))
-                m = (load(law.base, 6 * i + 3) * load(base, 3), load(law.base, 6 * i + 4) * load(base, 4), load(law.base, 6 * i + 5) * load(base, 5))
-            for b in range(a + 1):
-                t = active[b]
-                high, low = max(s, t), min(s, t)
-                pair = high * (high + 1) // 2 + low
-                both = live * load(law.live, t)
-                for j in range(starts[b], min(starts[b] + sites.site[t, SIZE], i + 1)):
-                    x = zero
-                    if free:
-                        x = dot(f, three(law.base, 6 * j)) + dot(m, three(law.base, 6 * j + 3))
-                    for c in range(sites.common_start[pair], sites.common_start[pair + 1]):
-                        k = sites.common[c]
-                        x = x + load(law.lift, i * n + k) * load(law.lift, j * n + k) * load(work, k * ROWS + D)
-                    x = both * x
-                    store(law.mobility, i * rows + j, x)
-                    store(law.mobility, j * rows + i, x)
-    return rows
 
 
 @compiled
@@ -304,7 +175,12 @@ def loads(sites: Sites, active: Array, count: int, starts: Array, w: Array, law:
 @inlined
 def eased(law: Law, q: int, coulomb: bool, x: Three) -> Three:
     """M x of a point: what its weights change by for accelerations -x."""
-    n, e, s, mu = three(law.point, q + NORMAL), three(law.point, q + ALONG), three(law.point, q + ACROSS), load(law.point, q + MU)
+    n, e, s, mu = (
+        three(law.point, q + NORMAL),
+        three(law.point, q + ALONG),
+        three(law.point, q + ACROSS),
+        load(law.point, q + MU),
+    )
     stick, slip, share = load(law.point, q + STICK), load(law.point, q + EDGE), load(law.point, q + SIDE)
     edge = plus(times(mu, e), n)
     met = dot(n, x) if coulomb else dot(edge, x) / (1.0 + mu * mu)
@@ -314,9 +190,19 @@ def eased(law: Law, q: int, coulomb: bool, x: Three) -> Three:
 
 @inlined
 def gap_eased(law: Law, q: int, coulomb: bool) -> Three:
-    """h of a point."""
-    n, e, s, mu = three(law.point, q + NORMAL), three(law.point, q + ALONG), three(law.point, q + ACROSS), load(law.point, q + MU)
-    stick, slip, share, gap = load(law.point, q + STICK), load(law.point, q + EDGE), load(law.point, q + SIDE), three(law.point, q + GAP)
+    """H of a point."""
+    n, e, s, mu = (
+        three(law.point, q + NORMAL),
+        three(law.point, q + ALONG),
+        three(law.point, q + ACROSS),
+        load(law.point, q + MU),
+    )
+    stick, slip, share, gap = (
+        load(law.point, q + STICK),
+        load(law.point, q + EDGE),
+        load(law.point, q + SIDE),
+        three(law.point, q + GAP),
+    )
     edge = plus(times(mu, e), n)
     met = dot(n, gap) if coulomb else dot(edge, gap) / (1.0 + mu * mu)
     more, turned_by = (1.0 - PROXIMAL) / PROXIMAL, (1.0 - PROXIMAL) * share * slip
@@ -431,7 +317,7 @@ def put_column(B: Array, i: int, x: Three) -> None:
 def solved(
     sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, fresh: Number, law: Law
 ) -> int:  # fmt: skip
-    """Newton's steps from the weights in `law.w`; `law.best` gets the best found, `law.merit` how good they are; how many steps.
+    """Newton's steps from the weights in `law.w`, and how many; `law.best` gets the best found, `law.merit` how good they are.
 
     Worlds that are `fresh`, and later those that are not solved yet, begin with all points sticking, by weights of least norm:
     of several weights for one motion these are seldom at the edge of a cone, where Newton's method is slow.
@@ -523,7 +409,7 @@ def unshifted(sites: Sites, active: Array, count: int, which: Number, law: Law) 
 
 @compiled
 def stuck(sites: Sites, active: Array, count: int, which: Number, law: Law) -> None:
-    """Let Newton's next step, from no weights, hold all points within reach: their modes, and w - y in place of P(w - y) - w."""
+    """Let Newton's next step, from no weights, hold all points within reach: its modes, and -y in place of P(-y)."""
     zero = spread(law.w, 0.0)
     for a in range(count):
         s = active[a]
@@ -580,8 +466,3 @@ def law_size(n: int, sites: Sites) -> int:
     """Rows of that memory."""
     k, l, s, rows = len(sites.arm), len(sites.single), len(sites.site), int(sites.site[:, SIZE].sum())
     return rows * (n + 8) + 4 * rows * rows + POINT * k + 8 * l + 4 * (3 * k + l) + s + 44
-
-
-_WHOLE = array(1, COUNT)
-SITE_TYPES = (array(2, COUNT), array(2), array(2), _WHOLE, _WHOLE, _WHOLE, _WHOLE, _WHOLE)
-"""Those of `Sites`."""

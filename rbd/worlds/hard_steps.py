@@ -10,8 +10,8 @@ from rbd.problem.cones import Bounds, FrictionCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.admm import ConeSolver
-from rbd.worlds.contact_kernel import Sites
 from rbd.worlds.rescue_kernel import left_problem, taken_from
+from rbd.worlds.sites_kernel import Sites
 
 
 def solve_hard_step(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: bool) -> None:

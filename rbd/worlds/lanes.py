@@ -1,8 +1,8 @@
 """Numbers of eight worlds at once: what a kernel loads, compares and stores, compiled to vectors of the processor.
 
-A kernel is written as for one world. `load` of an array of shape (rows, LANES) gives a row as one number of `LANES` worlds, whose
-+ - * / are instructions on vectors; of an array of shape (rows,) it gives a float, and the same text is the kernel of one world.
-Not compiled, a row is an array of NumPy. There are no branches by such a number: `above` takes one of two, lane by lane.
+A kernel is written as for one world. `load` of an array of shape (rows, LANES) gives a row as one number of `LANES` worlds,
+whose + - * / are instructions on vectors; of an array of shape (rows,) it gives a float, and the same text is the kernel of one
+world. Not compiled, a row is an array of NumPy. There are no branches by such a number: `above` takes one of two, lane by lane.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def root(x: Number) -> Number:
 
 
 def above(a: Number, b: Number, x: Number, y: Number) -> Number:
-    """x where a > b, else y; y where a is NaN."""
+    """X where a > b, else y; y where a is NaN."""
     return np.where(a > b, x, y)
 
 

@@ -11,16 +11,16 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.contact import Contact
 from rbd.constraints.contact_points import sources_of
 from rbd.constraints.ground_points import PlanePoints
-from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointFriction, JointLimit
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import Unsupported
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.worlds.advance_kernel import INERTIA, RUB, STOP, Ground
-from rbd.worlds.contact_kernel import Sites
+from rbd.worlds.layout import RUB, STOP, Ground
+from rbd.worlds.sites_kernel import Sites
 from rbd.worlds.tree_kernel import HINGE, SLIDE, Tree
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
@@ -91,7 +91,7 @@ class Packed:
 
     @property
     def inertia(self) -> Array:
-        """Mass, place of the centre of mass, inertia about it (xx, xy, xz, yy, yz, zz) and armature of each body, shape (11 n,)."""
+        """Mass, centre of mass, inertia about it (xx, xy, xz, yy, yz, zz) and armature of each body, shape (11 n,)."""
         model, out = self.robot.model, []
         for j in range(1, model.njoints):
             I, C = model.inertias[j], self.turns[j]
@@ -148,11 +148,10 @@ class Touching:
             Unsupported: others than contacts with friction on ground at rest, joint limits and dry friction, by name.
         """
         robot, joints, singles = packed.robot, dict[int, tuple[float, float, float]](), list[tuple[int, int]]()
-        contacts, terrains = list[Any](), list[Terrain]()
+        contacts = list[Any]()
         for given in constraints:
             if isinstance(given, JointLimit | JointFriction):
-                joint = robot.joints.with_one_freedom(given.joint, given.name)
-                b = packed.dofs.index(joint.v)
+                b = packed.dofs.index(robot.joints.with_one_freedom(given.joint, given.name).v.start)
                 low, high, rubs = joints.get(b, (-np.inf, np.inf, 0.0))
                 if isinstance(given, JointLimit):
                     low, high = given.bounds(robot)
@@ -164,8 +163,8 @@ class Touching:
                 contacts.append(given)
             else:
                 raise Unsupported(
-                    f"{getattr(given, 'name', given)!r:.80} is a {type(given).__name__}; simulate_many takes contacts at points, "
-                    "along edges and over patches with a coefficient of friction above zero, on planes and terrain at rest, "
+                    f"{getattr(given, 'name', given)!r:.80} is a {type(given).__name__}; simulate_many takes contacts at "
+                    "points, along edges and over patches with a coefficient of friction above zero, on ground at rest, "
                     "JointLimit and JointFriction. rbd.simulate takes it."
                 )
         body, local, plane, on = list[int](), list[Array](), list[Array](), list[tuple[int, int]]()
@@ -223,13 +222,13 @@ def sites_of(packed: Packed, body: Sequence[int], local: Array, singles: Sequenc
         singles: (body, 0 of dry friction or 1 of a stop) of each joint's row.
     """
     tree, turns = packed.tree, packed.turns
-    body = np.asarray(body, int)
-    order = np.argsort(body, kind="stable")
-    arms = np.array([turns[b + 1].T @ x for b, x in zip(body[order], local[order], strict=True)]).reshape(-1, 3)
-    table, places, paths, single = [], [], [], []
-    for b in np.unique(body):
-        own = np.flatnonzero(body[order] == b)
-        table.append((b, 6 if np.ptp(arms[own], axis=0).any() else 3, own[0], len(own)))
+    order = np.argsort(np.asarray(body, int), kind="stable")
+    of = np.asarray(body, int)[order]
+    arms = np.array([turns[b + 1].T @ x for b, x in zip(of, local[order], strict=True)]).reshape(-1, 3)
+    table, places, paths, single = list[tuple[int, ...]](), list[Array](), list[list[int]](), list[int]()
+    for b in np.unique(of).tolist():
+        own = np.flatnonzero(of == b)
+        table.append((b, 6 if np.ptp(arms[own], axis=0).any() else 3, int(own[0]), len(own)))
         places.append(arms[own].mean(axis=0))
     for b in sorted({b for b, _ in singles}):
         kinds = [kind for c, kind in singles if c == b]

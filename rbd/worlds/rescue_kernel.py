@@ -10,12 +10,15 @@ from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import forces
 from rbd.solvers.newton_kernel import Problem
-from rbd.worlds.advance_kernel import ACTIVE, HOW_MANY, HOW_WIDE, RESCUED
-from rbd.worlds.contact_kernel import (
+from rbd.worlds.contact_kernel import FOUND, law_in
+from rbd.worlds.lanes import lane, lanes_of, put_lane
+from rbd.worlds.layout import (
+    ACTIVE,
     ARM,
     FELT,
     FIRST,
-    FOUND,
+    HOW_MANY,
+    HOW_WIDE,
     IDLE,
     LEFT,
     MANY,
@@ -23,14 +26,12 @@ from rbd.worlds.contact_kernel import (
     NORMAL,
     OFFSET,
     POINT,
-    SITE_TYPES,
+    RESCUED,
     SIZE,
     UNIT,
     Law,
-    Sites,
-    law_in,
 )
-from rbd.worlds.lanes import lane, lanes_of, put_lane
+from rbd.worlds.sites_kernel import SITE_TYPES, Sites
 
 
 @compiled
@@ -85,12 +86,17 @@ def problem_of(
                         if sites.site[s, SIZE] == 6:
                             y, z = (r + 1) % 3, (r + 2) % 3
                             push, pull = POINT * c + ARM, POINT * c + FELT
-                            columns[i + e, 3 + r] = lane(law.point, push + y, of) * E[e, z] - lane(law.point, push + z, of) * E[e, y]
-                            felt[i + e, 3 + r] = lane(law.point, pull + y, of) * E[e, z] - lane(law.point, pull + z, of) * E[e, y]
+                            columns[i + e, 3 + r] = (
+                                lane(law.point, push + y, of) * E[e, z] - lane(law.point, push + z, of) * E[e, y]
+                            )
+                            felt[i + e, 3 + r] = (
+                                lane(law.point, pull + y, of) * E[e, z] - lane(law.point, pull + z, of) * E[e, y]
+                            )
                 mu[cone], whose[singles + cone] = lane(law.point, POINT * c + MU, of), c
                 first[singles + cone], width[singles + cone] = starts[a], sites.site[s, SIZE]
                 cone += 1
     return Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu), axes, whose
+
 
 @compiled
 def taken(law: Law, points: int, axes: Array, whose: Array, of: int, w: Array) -> None:

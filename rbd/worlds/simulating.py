@@ -126,10 +126,10 @@ def simulate_many(
             if worlds.steps % stride == 0 or worlds.steps == steps:
                 kept.add()
             shown(worlds.t)
-    found = kept.trajectories(dict(given, states=(robot, q, v), contacts=contacts, tau=tau, every=every), asked)
-    if len(said := found.inaccurate):
+    done = kept.trajectories(dict(given, states=(robot, q, v), contacts=contacts, tau=tau, every=every), asked)
+    if said := done.inaccurate:
         warnings.warn(said, InaccurateWarning, stacklevel=2)
-    return found
+    return done
 
 
 _MOST = 1_000
@@ -142,14 +142,16 @@ def _begin(states: Begin) -> tuple[CheckedModel, Array, Array]:
         return states.robot, states.q, states.v
     if isinstance(states, tuple) and len(states) == 3 and isinstance(states[0], CheckedModel):
         return states
-    if not isinstance(states, Sequence) or not states or not all(isinstance(each, State) for each in states):
+    some = [each for each in states if isinstance(each, State)] if isinstance(states, Sequence) else []
+    if not some or len(some) < len(states):
         raise InputError(
             f"states is {states!r:.80}; expected a State, a list of states of one robot, or (robot, q, v) with one row a world."
         )
-    for i, state in enumerate(states):
-        if not state.robot.is_like(states[0].robot):
-            raise InputError(f"state {i} is of {state.robot.name}, the first of {states[0].robot.name}; expected one robot.")
-    return states[0].robot, np.array([state.q for state in states]), np.array([state.v for state in states])
+    robot = some[0].robot
+    for i, state in enumerate(some):
+        if not state.robot.is_like(robot):
+            raise InputError(f"state {i} is of {state.robot.name}, the first of {robot.name}; expected one robot.")
+    return robot, np.array([state.q for state in some]), np.array([state.v for state in some])
 
 
 def _check_torques(what: str, tau: Array, worlds: Worlds) -> None:
@@ -169,7 +171,11 @@ class _Record:
     def __init__(self, worlds: Worlds, samples: int) -> None:
         n, robot, k = worlds.n, worlds.robot, len(worlds.touching.sites.arm)
         self.worlds, self.at = worlds, 0
-        self.t, self.q, self.v = np.zeros(samples), np.full((n, samples, robot.nq), np.nan), np.full((n, samples, robot.nv), np.nan)
+        self.t, self.q, self.v = (
+            np.zeros(samples),
+            np.full((n, samples, robot.nq), np.nan),
+            np.full((n, samples, robot.nv), np.nan),
+        )
         self.residual, self.depth, self.turn = (np.zeros((n, samples)) for _ in range(3))
         self.points = np.zeros((n, samples, k, 3))
 
@@ -186,6 +192,6 @@ class _Record:
     def trajectories(self, given: Mapping[str, Any], asked: Torques | None) -> Trajectories:
         worlds = self.worlds
         return Trajectories(
-            worlds.robot, self.t, self.q, self.v, self.residual, self.depth, self.turn, self.points, worlds.stopped, worlds.rescued,
-            dict(worlds.refused), worlds.touching.points, given, asked,
+            worlds.robot, self.t, self.q, self.v, self.residual, self.depth, self.turn, self.points, worlds.stopped,
+            worlds.rescued, dict(worlds.refused), worlds.touching.points, given, asked,
         )  # fmt: skip

@@ -63,31 +63,31 @@ def put_nine(a: Array, i: int, x: Nine) -> None:
 
 @inlined
 def plus(a: Three, b: Three) -> Three:
-    """a + b."""
+    """A + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
 def minus(a: Three, b: Three) -> Three:
-    """a - b."""
+    """A - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @inlined
 def times(s: Number, a: Three) -> Three:
-    """s a."""
+    """S a."""
     return s * a[0], s * a[1], s * a[2]
 
 
 @inlined
 def dot(a: Three, b: Three) -> Number:
-    """a . b."""
+    """A . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def cross(a: Three, b: Three) -> Three:
-    """a x b."""
+    """A x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -119,6 +119,23 @@ def times_symmetric(S: Six, a: Three) -> Three:
         S[1] * a[0] + S[3] * a[1] + S[4] * a[2],
         S[2] * a[0] + S[4] * a[1] + S[5] * a[2],
     )
+
+
+@inlined
+def less(S: Six, a: Three, b: Three) -> Six:
+    """S - a b^T, which is symmetric."""
+    return (
+        S[0] - a[0] * b[0], S[1] - a[0] * b[1], S[2] - a[0] * b[2], S[3] - a[1] * b[1], S[4] - a[1] * b[2], S[5] - a[2] * b[2],
+    )  # fmt: skip
+
+
+@inlined
+def less_nine(R: Nine, a: Three, b: Three) -> Nine:
+    """R - a b^T."""
+    return (
+        R[0] - a[0] * b[0], R[1] - a[0] * b[1], R[2] - a[0] * b[2], R[3] - a[1] * b[0], R[4] - a[1] * b[1], R[5] - a[1] * b[2],
+        R[6] - a[2] * b[0], R[7] - a[2] * b[1], R[8] - a[2] * b[2],
+    )  # fmt: skip
 
 
 @inlined

@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.answers.many.states import Friction, ManyStates
-from rbd.arrays import Array, as_array, check_positive, check_whole, lazy
+from rbd.arrays import Array, as_array, check_positive, check_whole
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.joint import JointFriction, JointLimit
 from rbd.control.schedules import Push
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -22,10 +21,11 @@ from rbd.installation import cores
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.gauss_problem import Law
 from rbd.solvers.default import slip_law
-from rbd.worlds import advance_kernel as rows
-from rbd.worlds.lanes import LANES
-from rbd.worlds.contact_kernel import LEFT, MERITS, law_size
+from rbd.worlds import layout as rows
+from rbd.worlds.advance_kernel import advance, size_of
+from rbd.worlds.contact_kernel import law_size
 from rbd.worlds.hard_steps import solve_hard_step
+from rbd.worlds.lanes import LANES
 from rbd.worlds.packing import Packed, Touching
 from rbd.worlds.rescue_kernel import rescue
 
@@ -173,7 +173,7 @@ class Worlds:
         shape = lambda size: np.zeros((self.blocks, size, LANES))  # noqa: E731
         self._q, self._v, self._before = shape(n + 6 * free), shape(robot.nv), shape(2 * robot.nv + 1)
         self._impulse, self._told = shape(3 * k + l), shape(rows.TOLD)
-        size, marks = rows.size_of(n, free, sites), rows.ACTIVE + 2 * len(sites.site)
+        size, marks = size_of(n, free, sites), rows.ACTIVE + 2 * len(sites.site)
         self._spaces = [(np.zeros((size, LANES)), np.zeros(marks, int)) for _ in range(min(threads, self.blocks))]
         self._law = size - law_size(n, sites)
         self._pool = ThreadPoolExecutor(len(self._spaces)) if len(self._spaces) > 1 else None
@@ -281,7 +281,9 @@ class Worlds:
             if value is not None:
                 table = np.broadcast_to(np.asarray(value, float), (self.n, self.robot.nu)).T
                 self._given["joint"] = self._each("joint")
-                self._given["joint"].reshape(self.blocks, -1, rows.JOINT, LANES)[:, self.packed.driven, row] = self._packed_in(table)
+                self._given["joint"].reshape(self.blocks, -1, rows.JOINT, LANES)[:, self.packed.driven, row] = self._packed_in(
+                    table
+                )
 
     def advance(self, steps: int = 1) -> None:
         """Take some steps."""
@@ -299,7 +301,7 @@ class Worlds:
         whole[:] = 0
         whole[rows.BLOCK] = first
         while True:
-            rows.advance(
+            advance(
                 *tree, *touching.sites, *touching.ground, self._push_bodies,
                 given["inertia"], given["proof"], given["joint"], given["world"], given["friction"], given["push"],
                 self._q, self._v, self._before, self._impulse, self._told, space, whole,
@@ -309,7 +311,7 @@ class Worlds:
                 return
             own, n = space[self._law :], len(tree.parent)
             rescue(*touching.sites, self._told[whole[rows.BLOCK]], own, whole, n, self.coulomb)
-            for lane in np.flatnonzero(own[LEFT - MERITS] > 0.5).tolist():
+            for lane in np.flatnonzero(own[rows.LEFT - rows.MERITS] > 0.5).tolist():
                 solve_hard_step(touching.sites, own, whole, n, lane, self.coulomb)
 
     def _packed_in(self, x: Array) -> Array:
@@ -392,10 +394,13 @@ class Worlds:
             if joint == 0:
                 raise InputError(f"{what} acts on the world, which does not move; name a frame of the robot.")
             bodies.append(joint - 1)
-            place = self.packed.turns[joint].T @ (X.translation + X.rotation @ tables.vectors(f"offset of {what}", push.offset, 3)[:, 0])
+            place = self.packed.turns[joint].T @ (
+                X.translation + X.rotation @ tables.vectors(f"offset of {what}", push.offset, 3)[:, 0]
+            )
             start = tables.numbers(f"start of {what}", push.start)
             each = [
-                place[:, None], tables.vectors(f"force of {what}", push.force, 3), tables.vectors(f"moment of {what}", push.moment, 3),
+                place[:, None], tables.vectors(f"force of {what}", push.force, 3),
+                tables.vectors(f"moment of {what}", push.moment, 3),
                 start[None], (start + tables.numbers(f"duration of {what}", push.duration))[None], np.zeros((1, 1)),
             ]  # fmt: skip
             parts.append(each)
@@ -406,7 +411,7 @@ class Worlds:
         )
 
     def _check_stiffness(self, servo: Servo | None) -> None:
-        """Refuse a step that is too long for the servo: of each joint alone, with the inertia that it feels with all else free."""
+        """Refuse a step that is too long for the servo: of each joint alone, with all else free."""
         if servo is None:
             return
         i = np.flatnonzero(self.stopped < 0)[:1]
@@ -421,7 +426,8 @@ class Worlds:
         if len(speed) and speed[worst] > FASTEST:
             raise InputError(
                 f"the step of {self.step:g} s is too long for the stiffness at {self.robot.actuated_names[worst]!r}, which "
-                f"oscillates at {speed[worst] / self.step:.3g} rad/s; expected at most {self.step * FASTEST / speed[worst]:.2g} s."
+                f"oscillates at {speed[worst] / self.step:.3g} rad/s; expected at most "
+                f"{self.step * FASTEST / speed[worst]:.2g} s."
             )
 
 

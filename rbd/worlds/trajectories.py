@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, check_whole
+from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -68,9 +68,7 @@ class Trajectories(Displayed):
     @property
     def flagged(self) -> Array:
         """The worlds that stopped, whose residual is above 1e-8, or with a body that turned by more than 0.25 rad in a step."""
-        return np.flatnonzero(
-            (self.stopped >= 0) | (self.residual.max(axis=1) > ENOUGH) | (self.turn.max(axis=1) > FAST)
-        )
+        return np.flatnonzero((self.stopped >= 0) | (self.residual.max(axis=1) > ENOUGH) | (self.turn.max(axis=1) > FAST))
 
     @property
     def inaccurate(self) -> str:

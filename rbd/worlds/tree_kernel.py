@@ -1,7 +1,8 @@
 """Dynamics of a tree of bodies, as articulated bodies, for one world or eight.
 
-All vectors are in the world's axes, all spatial ones about O, the place of the base (of a robot without one, the world's origin),
-so that inertias and forces of bodies add up as they are [Featherstone2008] section 7.3. A spatial vector is linear first.
+All vectors are in the world's axes, all spatial ones about O, the place of the base (of a robot without one, the world's
+origin), so that inertias and forces of bodies add up as they are [Featherstone2008] section 7.3. A spatial vector is linear
+first.
 
     S = (p x z, z) of a hinge at p, (z, 0) of a slide        v_i = v_parent + S qd        c_i = v_i x S qd
     I_A = I + sum over children (I_A - U U^T / d)            U = I_A S,   d = S . U + armature + damping h/2
@@ -14,15 +15,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from rbd.arrays import Array
 from rbd.kernels import compiled, inlined
-from rbd.worlds.lanes import Number, above, load, root, store
+from rbd.worlds.lanes import Number, load, store
 from rbd.worlds.spatial_kernel import (
     Three,
     cross,
     dot,
+    less,
+    less_nine,
     minus,
     nine,
     plus,
@@ -35,6 +36,7 @@ from rbd.worlds.spatial_kernel import (
     times,
     times_symmetric,
     turned,
+    turned_back,
     turned_symmetric,
 )
 
@@ -55,7 +57,7 @@ class Tree(NamedTuple):
     Attributes:
         parent: The body that carries each body: -1 the base or the world, shape (n,).
         kind: HINGE or SLIDE, shape (n,).
-        placement: R (9) and p (3) of each joint in the body that carries it, axes turned so that the joint's is z, shape (n, 12).
+        placement: R (9) and p (3) of each joint in the body that carries it; the joint's axis is z; shape (n, 12).
         free: 1 where there is a floating base, whose body comes first; else 0.
     """
 
@@ -67,7 +69,7 @@ class Tree(NamedTuple):
 
 @inlined
 def sine_cosine(t: Number) -> tuple[Number, Number]:
-    """sin t and cos t, to rounding for |t| up to 30: series at t/32, doubled five times."""
+    """Sin t and cos t, to rounding for |t| up to 30: series at t/32, doubled five times."""
     u = t * 0.03125
     g = u * u
     s = u * (1.0 + g * (-1.0 / 6.0 + g * (1.0 / 120.0 + g * (-1.0 / 5040.0 + g * (1.0 / 362880.0 - g * (1.0 / 39916800.0))))))
@@ -81,11 +83,10 @@ def sine_cosine(t: Number) -> tuple[Number, Number]:
 def momentum(work: Array, o: int, l: Three, w: Three) -> tuple[Three, Three]:
     """Inertia at row o, times a spatial velocity (l, w)."""
     B = nine(work, o + 6)
-    linear, turning = times_symmetric(six(work, o), l), times_symmetric(six(work, o + 15), w)
     return (
-        plus(linear, turned(B, w)),
-        plus(turning, (B[0] * l[0] + B[3] * l[1] + B[6] * l[2], B[1] * l[0] + B[4] * l[1] + B[7] * l[2], B[2] * l[0] + B[5] * l[1] + B[8] * l[2])),
-    )  # fmt: skip
+        plus(times_symmetric(six(work, o), l), turned(B, w)),
+        plus(times_symmetric(six(work, o + 15), w), turned_back(B, l)),
+    )
 
 
 @compiled
@@ -107,7 +108,11 @@ def places(tree: Tree, x: Array, work: Array) -> None:
             z = turned(Q, (one * G[2], one * G[5], one * G[8]))
             p = plus(p, turned(Q, (one * G[9], one * G[10], one * G[11])))
         else:
-            a, b, z = (one * G[0], one * G[3], one * G[6]), (one * G[1], one * G[4], one * G[7]), (one * G[2], one * G[5], one * G[8])
+            a, b, z = (
+                (one * G[0], one * G[3], one * G[6]),
+                (one * G[1], one * G[4], one * G[7]),
+                (one * G[2], one * G[5], one * G[8]),
+            )
             p = (one * G[9], one * G[10], one * G[11])
         if tree.kind[j] == HINGE:
             s, c = sine_cosine(t)
@@ -124,13 +129,22 @@ def places(tree: Tree, x: Array, work: Array) -> None:
 
 @compiled
 def free_motion(
-    tree: Tree, inertia: Array, v: Array, tau: Array, damping: Array, gravity: Array, pushes: Array, base: Array, work: Array, acc: Array
+    tree: Tree,
+    inertia: Array,
+    v: Array,
+    tau: Array,
+    damping: Array,
+    gravity: Array,
+    pushes: Array,
+    base: Array,
+    work: Array,
+    acc: Array,
 ) -> None:
     """Write the accelerations without contacts, and the factors of the inertia.
 
     Args:
         tree: The tree, `places` called.
-        inertia: Mass, place of the centre of mass and inertia about it (6) of each body, then its joint's armature, shape (11 n,).
+        inertia: Mass, centre of mass and inertia about it (6) of each body, then its joint's armature, shape (11 n,).
         v: Velocity (nv,).
         tau: Of the joints.
         damping: Added to the armature.
@@ -194,21 +208,15 @@ def free_motion(
         a, c = three(work, o + C), three(work, o + C + 3)
         X, Y, Z = six(work, o + IA), nine(work, o + IA + 6), six(work, o + IA + 15)
         f, i = times(d, u), times(d, t)
-        X = (X[0] - f[0] * u[0], X[1] - f[0] * u[1], X[2] - f[0] * u[2], X[3] - f[1] * u[1], X[4] - f[1] * u[2], X[5] - f[2] * u[2])
-        Z = (Z[0] - i[0] * t[0], Z[1] - i[0] * t[1], Z[2] - i[0] * t[2], Z[3] - i[1] * t[1], Z[4] - i[1] * t[2], Z[5] - i[2] * t[2])
-        Y = (
-            Y[0] - f[0] * t[0], Y[1] - f[0] * t[1], Y[2] - f[0] * t[2], Y[3] - f[1] * t[0], Y[4] - f[1] * t[1], Y[5] - f[1] * t[2],
-            Y[6] - f[2] * t[0], Y[7] - f[2] * t[1], Y[8] - f[2] * t[2],
-        )  # fmt: skip
+        X, Z = less(X, f, u), less(Z, i, t)
+        Y = less_nine(Y, f, t)
         for r in range(6):
             store(work, q + IA + r, load(work, q + IA + r) + X[r])
+            store(work, q + IA + 15 + r, load(work, q + IA + 15 + r) + Z[r])
         for r in range(9):
             store(work, q + IA + 6 + r, load(work, q + IA + 6 + r) + Y[r])
-        for r in range(6):
-            store(work, q + IA + 15 + r, load(work, q + IA + 15 + r) + Z[r])
         pl = plus(plus(pl, times(e, f)), plus(times_symmetric(X, a), turned(Y, c)))
-        pw = plus(plus(pw, times(e, i)), times_symmetric(Z, c))
-        pw = plus(pw, (Y[0] * a[0] + Y[3] * a[1] + Y[6] * a[2], Y[1] * a[0] + Y[4] * a[1] + Y[7] * a[2], Y[2] * a[0] + Y[5] * a[1] + Y[8] * a[2]))
+        pw = plus(plus(pw, times(e, i)), plus(times_symmetric(Z, c), turned_back(Y, a)))
         put(work, q + PA, plus(three(work, q + PA), pl))
         put(work, q + PA + 3, plus(three(work, q + PA + 3), pw))
     if free:
@@ -234,7 +242,7 @@ def free_motion(
 
 @compiled
 def factor_base(work: Array, base: Array) -> None:
-    """Write the inverses of the pivots, and L below its diagonal, of L D L^T: the inertia of the whole robot as seen by its base."""
+    """Write the inverses of the pivots, and L, of L D L^T: the inertia of the whole robot as seen by its base."""
     X, Y, Z = six(work, IA), nine(work, IA + 6), six(work, IA + 15)
     # columns of the lower triangle
     a0 = X[0]
@@ -282,7 +290,14 @@ def base_upper(base: Array, f: Three, m: Three) -> tuple[Three, Three]:
     x = m[0] * load(base, 3) - load(base, 15) * y - load(base, 19) * z
     c = f[2] * load(base, 2) - load(base, 11) * x - load(base, 14) * y - load(base, 18) * z
     b = f[1] * load(base, 1) - load(base, 8) * c - load(base, 10) * x - load(base, 13) * y - load(base, 17) * z
-    a = f[0] * load(base, 0) - load(base, 6) * b - load(base, 7) * c - load(base, 9) * x - load(base, 12) * y - load(base, 16) * z
+    a = (
+        f[0] * load(base, 0)
+        - load(base, 6) * b
+        - load(base, 7) * c
+        - load(base, 9) * x
+        - load(base, 12) * y
+        - load(base, 16) * z
+    )
     return (a, b, c), (x, y, z)
 
 
