@@ -216,7 +216,9 @@ def ended_step(
         return
     for i in range(nv):
         store(space.acc, i, zero)
-    for i in range(k3 + len(sites.single)):
+    older = k3 + len(sites.single)
+    for i in range(older):
+        store(impulse, older + i, load(impulse, i))
         store(impulse, i, zero)
     if count:
         loads(sites, active, count, starts, law.best, law)
@@ -255,6 +257,8 @@ def ended_step(
         store(before, i, a)
         store(v, i, above(goes, 0.5, x, load(v, i)))
     store(before, 2 * nv, goes)
+    for i in range(older):
+        store(impulse, older + i, above(strikes, 0.5, load(impulse, i), load(impulse, older + i)))
 
 
 def advance_blocks(
@@ -294,7 +298,7 @@ def advance_blocks(
         q: Configurations, shape (blocks, rows, lanes); written.
         v: Velocities, a base's in the world's axes; written.
         before: Accelerations of the last two steps, and whether there were two, shape (blocks, 2 nv + 1, lanes); written.
-        impulse: Impulses of the step before, of points in the world's axes; written.
+        impulse: Impulses of the last step and the one before, of points in the world's axes; written.
         told: Shape (blocks, TOLD, lanes); written.
         space: Working memory, shape (rows, lanes).
         whole: Integers: block, step and part to begin with, and those reached; then what is active, shape (ACTIVE + 2 sites,).

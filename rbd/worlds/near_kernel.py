@@ -230,9 +230,9 @@ def touched(
 
 @compiled
 def scaled(sites: Sites, active: Array, count: int, starts: Array, rows: int, impulse: Array, law: Law) -> None:
-    """Write the units of the parts, and the weights of the impulses of the step before."""
+    """Write the units of the parts, and weights to begin with: as the impulses of the last two steps go on."""
     k3 = 3 * len(sites.arm)
-    one, zero = spread(impulse, 1.0), spread(impulse, 0.0)
+    one, zero, older = spread(impulse, 1.0), spread(impulse, 0.0), k3 + len(sites.single)
     for a in range(count):
         s, i = active[a], starts[a]
         if sites.site[s, SIZE] == 1:
@@ -242,7 +242,8 @@ def scaled(sites: Sites, active: Array, count: int, starts: Array, rows: int, im
                 store(law.single, 8 * l + 3, unit)
                 store(law.single, 8 * l + 1, load(law.single, 8 * l + 1) / unit)
                 store(law.single, 8 * l + 2, load(law.single, 8 * l + 2) / unit)
-                store(law.w, k3 + l, load(impulse, k3 + l) / unit * load(law.live, s))
+                x = 2.0 * load(impulse, k3 + l) - load(impulse, older + k3 + l)
+                store(law.w, k3 + l, x / unit * load(law.live, s))
             continue
         linear, turning = zero, zero
         for r in range(3):
@@ -251,8 +252,9 @@ def scaled(sites: Sites, active: Array, count: int, starts: Array, rows: int, im
                 turning = turning + load(law.mobility, (i + 3 + r) * rows + i + 3 + r)
         for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
             r = three(law.point, POINT * c + ARM)
-            x = (linear + dot(r, r) * turning) * (1.0 / 3.0)
-            unit = root(MOBILITY / above(x, 1e-20, x, one))
+            size = (linear + dot(r, r) * turning) * (1.0 / 3.0)
+            unit = root(MOBILITY / above(size, 1e-20, size, one))
             store(law.point, POINT * c + UNIT, unit)
             live = (1.0 - load(law.point, POINT * c + IDLE)) / unit
-            put(law.w, 3 * c, times(live, three(impulse, 3 * c)))
+            x = minus(times(2.0, three(impulse, 3 * c)), three(impulse, older + 3 * c))
+            put(law.w, 3 * c, times(live, x))

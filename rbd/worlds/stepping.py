@@ -172,7 +172,7 @@ class Worlds:
         self._given["proof"] = self._given["inertia"].copy()
         shape = lambda size: np.zeros((self.blocks, size, LANES))  # noqa: E731
         self._q, self._v, self._before = shape(n + 6 * free), shape(robot.nv), shape(2 * robot.nv + 1)
-        self._impulse, self._told = shape(3 * k + l), shape(rows.TOLD)
+        self._impulse, self._told = shape(2 * (3 * k + l)), shape(rows.TOLD)
         size, marks = size_of(n, free, sites), rows.ACTIVE + 2 * len(sites.site)
         self._spaces = [(np.zeros((size, LANES)), np.zeros(marks, int)) for _ in range(min(threads, self.blocks))]
         self._law = size - law_size(n, sites)
