@@ -42,6 +42,7 @@ from bench_studies import CHUNKS, all_chunk_rows, study_rows
 from bench_terrain import terrain_rows
 from bench_timing import Row, table_of, versions
 from bench_work import draw, work_rows, work_table
+from bench_worlds import world_rows
 from rich.console import Console
 
 import rbd
@@ -72,6 +73,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "steps": step_rows,
     "fall": lambda: fall_rows(draws_of("talos").robot),
     "terrain": terrain_rows,
+    "worlds": world_rows,
     "derivatives": lambda: derivative_rows(everyone()),
     "hessian": lambda: hessian_rows(draws_of("talos").robot),
     "linkage": linkage_rows,
