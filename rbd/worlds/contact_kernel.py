@@ -4,8 +4,8 @@
 
 Rows are those of *sites*: three of a body that touches at one point, six of one that touches at several, one of a joint; D is
 the sites' mobility J M^-1 J^T. Q w is a force and a moment about the site's point; w of a point is in the world's axes, in
-units in which its mobility is of order one; Q' has the points' arms at the end of the step. With V the slope of P, point by point
-M = (I - (1 - k) V)^-1 V and h = (I - (1 - k) V)^-1 (P - w):
+units in which its mobility is of order one; Q' has the points' arms at the end of the step. With V the slope of P, point by
+point M = (I - (1 - k) V)^-1 V and h = (I - (1 - k) V)^-1 (P - w):
 
     (I + C^T Q M Q'^T C) g = C^T Q h,      dw = h - M Q'^T C g,      D = C C^T
 
@@ -47,7 +47,7 @@ from rbd.worlds.layout import (
     Law,
 )
 from rbd.worlds.sites_kernel import Sites
-from rbd.worlds.spatial_kernel import Three, cross, dot, minus, plus, put, three, times
+from rbd.worlds.spatial_kernel import Nine, Three, cross, dot, minus, plus, put, three, times, turned
 
 MOST, TRIES, EARLY, GROWS, AGAIN, OPEN = 32, 7, 3, 4.0, 8, 20
 """Newton's steps; halvings of one; the first in which the sum of squares may grow, and how much; the steps before which worlds
@@ -71,14 +71,12 @@ def factor(law: Law, rows: int) -> None:
             for k in range(j):
                 x = x - load(law.factor, i * rows + k) * load(law.factor, j * rows + k)
             if j < i:
-                store(law.factor, i * rows + j, x * load(law.factor, j * rows + j))
+                store(law.factor, i * rows + j, x * load(law.answer, j))
             else:
                 enough = DEPENDENT * load(law.mobility, i * rows + i)
-                # The inverse of the pivot, for the rows below; then the pivot itself, from the loop after.
-                store(law.factor, i * rows + i, above(x, enough, 1.0 / root(above(x, enough, x, zero + 1.0)), zero))
-    for i in range(rows):
-        x = load(law.factor, i * rows + i)
-        store(law.factor, i * rows + i, above(x, zero, 1.0 / above(x, zero, x, zero + 1.0), zero))
+                inverse = above(x, enough, 1.0 / root(above(x, enough, x, zero + 1.0)), zero)
+                store(law.factor, i * rows + i, x * inverse)
+                store(law.answer, i, inverse)
 
 
 @compiled
@@ -139,7 +137,7 @@ def evaluate(sites: Sites, active: Array, count: int, starts: Array, rows: int, 
             live = 1.0 - idle
             store(law.point, q + STICK, live * (touching - slips))
             store(law.point, q + EDGE, live * slips)
-            store(law.point, q + SIDE, share)
+            store(law.point, q + SIDE, live * slips * share / (1.0 - (1.0 - PROXIMAL) * share * slips))
             put(law.point, q + ACROSS, cross(n, e))
             put(law.point, q + ALONG, e)
             for r in range(3):
@@ -173,43 +171,23 @@ def loads(sites: Sites, active: Array, count: int, starts: Array, w: Array, law:
 
 
 @inlined
-def eased(law: Law, q: int, coulomb: bool, x: Three) -> Three:
-    """M x of a point: what its weights change by for accelerations -x."""
+def easing(law: Law, q: int, coulomb: bool) -> Nine:
+    """M of a point: what its weights change by for accelerations against them."""
     n, e, s, mu = (
         three(law.point, q + NORMAL),
         three(law.point, q + ALONG),
         three(law.point, q + ACROSS),
         load(law.point, q + MU),
     )
-    stick, slip, share = load(law.point, q + STICK), load(law.point, q + EDGE), load(law.point, q + SIDE)
-    edge = plus(times(mu, e), n)
-    met = dot(n, x) if coulomb else dot(edge, x) / (1.0 + mu * mu)
-    side = slip * share / (1.0 - (1.0 - PROXIMAL) * share * slip) * dot(s, x)
-    return plus(times(stick * (1.0 / PROXIMAL), x), plus(times(slip * (1.0 / PROXIMAL) * met, edge), times(side, s)))
-
-
-@inlined
-def gap_eased(law: Law, q: int, coulomb: bool) -> Three:
-    """H of a point."""
-    n, e, s, mu = (
-        three(law.point, q + NORMAL),
-        three(law.point, q + ALONG),
-        three(law.point, q + ACROSS),
-        load(law.point, q + MU),
-    )
-    stick, slip, share, gap = (
-        load(law.point, q + STICK),
-        load(law.point, q + EDGE),
-        load(law.point, q + SIDE),
-        three(law.point, q + GAP),
-    )
-    edge = plus(times(mu, e), n)
-    met = dot(n, gap) if coulomb else dot(edge, gap) / (1.0 + mu * mu)
-    more, turned_by = (1.0 - PROXIMAL) / PROXIMAL, (1.0 - PROXIMAL) * share * slip
-    return plus(
-        times(1.0 + stick * more, gap),
-        plus(times(slip * more * met, edge), times(slip * turned_by / (1.0 - turned_by) * dot(s, gap), s)),
-    )
+    stick, slip, side = load(law.point, q + STICK), load(law.point, q + EDGE), load(law.point, q + SIDE)
+    edge, hold = plus(times(mu, e), n), stick * (1.0 / PROXIMAL)
+    met = n if coulomb else times(1.0 / (1.0 + mu * mu), edge)
+    a, b = times(slip * (1.0 / PROXIMAL), edge), times(side, s)
+    return (
+        hold + a[0] * met[0] + b[0] * s[0], a[0] * met[1] + b[0] * s[1], a[0] * met[2] + b[0] * s[2],
+        a[1] * met[0] + b[1] * s[0], hold + a[1] * met[1] + b[1] * s[1], a[1] * met[2] + b[1] * s[2],
+        a[2] * met[0] + b[2] * s[0], a[2] * met[1] + b[2] * s[1], hold + a[2] * met[2] + b[2] * s[2],
+    )  # fmt: skip
 
 
 @compiled
@@ -228,49 +206,49 @@ def newton_step(sites: Sites, active: Array, count: int, starts: Array, rows: in
             for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
                 unit = load(law.single, 8 * l + 3)
                 weight = weight + load(law.single, 8 * l + 5) * unit * unit * (1.0 / PROXIMAL)
-            for j in range(rows):
-                store(T, i * rows + j, weight * load(law.factor, i * rows + j) if j < end else zero)
+            for j in range(end):
+                store(T, i * rows + j, weight * load(law.factor, i * rows + j))
             continue
         for r in range(36):
             store(B, r, zero)
         for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
             q = POINT * c
-            put(law.move, 3 * c, gap_eased(law, q, coulomb))
-            unit = load(law.point, q + UNIT)
+            M, gap, unit = easing(law, q, coulomb), three(law.point, q + GAP), load(law.point, q + UNIT)
+            put(law.move, 3 * c, plus(gap, times(1.0 - PROXIMAL, turned(M, gap))))
             square, r, felt = unit * unit, three(law.point, q + ARM), three(law.point, q + FELT)
-            for j in range(3):
-                unit_j = (one if j == 0 else zero, one if j == 1 else zero, one if j == 2 else zero)
-                x = times(square, eased(law, q, coulomb, unit_j))
-                put_column(B, j, x)
-                if size == 6:
-                    put_column(B, 18 + j, cross(r, x))
+            x, y, z = (M[0], M[3], M[6]), (M[1], M[4], M[7]), (M[2], M[5], M[8])
+            x, y, z = times(square, x), times(square, y), times(square, z)
+            put_columns(B, 0, x, y, z)
             if size == 6:
-                for j in range(3):  # -M [felt]x: columns of the turning
-                    unit_j = (one if j == 0 else zero, one if j == 1 else zero, one if j == 2 else zero)
-                    x = times(square, eased(law, q, coulomb, cross(unit_j, felt)))
-                    put_column(B, 3 + j, x)
-                    put_column(B, 21 + j, cross(r, x))
+                put_columns(B, 18, cross(r, x), cross(r, y), cross(r, z))
+                # -M [felt]x: M (e x felt) of each direction e of turning
+                u = minus(times(felt[1], z), times(felt[2], y))
+                v = minus(times(felt[2], x), times(felt[0], z))
+                w = minus(times(felt[0], y), times(felt[1], x))
+                put_columns(B, 3, u, v, w)
+                put_columns(B, 21, cross(r, u), cross(r, v), cross(r, w))
         for e in range(size):
-            for j in range(rows):
-                x = zero
-                if j < end:
-                    for d in range(max(0, j - i), size):
-                        x = x + load(B, 6 * e + d) * load(law.factor, (i + d) * rows + j)
-                store(T, (i + e) * rows + j, x)
+            for j in range(end):
+                t = zero
+                for d in range(max(0, j - i), size):
+                    t = t + load(B, 6 * e + d) * load(law.factor, (i + d) * rows + j)
+                store(T, (i + e) * rows + j, t)
     loads(sites, active, count, starts, law.move, law)
     A, z = law.system, law.answer
     for i in range(rows):
-        x = zero
+        t = zero
         for k in range(i, rows):
-            x = x + load(law.factor, k * rows + i) * load(law.load, k)
-        store(z, i, x)
-        for j in range(rows):
-            x = one if i == j else zero
-            for k in range(i, rows):
-                x = x + load(law.factor, k * rows + i) * load(T, k * rows + j)
-            store(A, i * rows + j, x)
+            t = t + load(law.factor, k * rows + i) * load(law.load, k)
+        store(z, i, t)
+        for a in range(count):
+            for j in range(starts[a], starts[a] + sites.site[active[a], SIZE]):
+                t = one if i == j else zero
+                for k in range(max(i, starts[a]), rows):  # rows of the sites before know nothing of this one
+                    t = t + load(law.factor, k * rows + i) * load(T, k * rows + j)
+                store(A, i * rows + j, t)
     for k in range(rows):
         pivot = 1.0 / load(A, k * rows + k)
+        store(A, k * rows + k, pivot)
         y = load(z, k)
         for i in range(k + 1, rows):
             f = load(A, i * rows + k) * pivot
@@ -279,16 +257,16 @@ def newton_step(sites: Sites, active: Array, count: int, starts: Array, rows: in
                 store(A, i * rows + j, load(A, i * rows + j) - f * load(A, k * rows + j))
     for b in range(rows):
         i = rows - 1 - b
-        x = load(z, i)
+        t = load(z, i)
         for j in range(i + 1, rows):
-            x = x - load(A, i * rows + j) * load(z, j)
-        store(z, i, x / load(A, i * rows + i))
+            t = t - load(A, i * rows + j) * load(z, j)
+        store(z, i, t * load(A, i * rows + i))
     for b in range(rows):  # C g, from the last row up
         i = rows - 1 - b
-        x = zero
+        t = zero
         for j in range(i + 1):
-            x = x + load(law.factor, i * rows + j) * load(z, j)
-        store(z, i, x)
+            t = t + load(law.factor, i * rows + j) * load(z, j)
+        store(z, i, t)
     for a in range(count):
         s = active[a]
         i, size = starts[a], sites.site[s, SIZE]
@@ -302,15 +280,16 @@ def newton_step(sites: Sites, active: Array, count: int, starts: Array, rows: in
         for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
             q = POINT * c
             u = times(load(law.point, q + UNIT), plus(linear, cross(turn, three(law.point, q + FELT))))
-            put(law.move, 3 * c, minus(three(law.move, 3 * c), eased(law, q, coulomb, u)))
+            put(law.move, 3 * c, minus(three(law.move, 3 * c), turned(easing(law, q, coulomb), u)))
 
 
 @inlined
-def put_column(B: Array, i: int, x: Three) -> None:
-    """Add to entries i, i + 6 and i + 12."""
-    store(B, i, load(B, i) + x[0])
-    store(B, i + 6, load(B, i + 6) + x[1])
-    store(B, i + 12, load(B, i + 12) + x[2])
+def put_columns(B: Array, i: int, x: Three, y: Three, z: Three) -> None:
+    """Add three columns to a block of three rows of six numbers, from entry i on."""
+    for r in range(3):
+        store(B, i + 6 * r, load(B, i + 6 * r) + x[r])
+        store(B, i + 6 * r + 1, load(B, i + 6 * r + 1) + y[r])
+        store(B, i + 6 * r + 2, load(B, i + 6 * r + 2) + z[r])
 
 
 @compiled
