@@ -234,12 +234,12 @@ def newton_step(sites: Sites, active: Array, count: int, starts: Array, rows: in
                     t = t + load(B, 6 * e + d) * load(law.factor, (i + d) * rows + j)
                 store(T, (i + e) * rows + j, t)
     loads(sites, active, count, starts, law.move, law)
-    A, z = law.system, law.answer
+    A, g = law.system, law.answer
     for i in range(rows):
         t = zero
         for k in range(i, rows):
             t = t + load(law.factor, k * rows + i) * load(law.load, k)
-        store(z, i, t)
+        store(g, i, t)
         for a in range(count):
             for j in range(starts[a], starts[a] + sites.site[active[a], SIZE]):
                 t = one if i == j else zero
@@ -249,34 +249,34 @@ def newton_step(sites: Sites, active: Array, count: int, starts: Array, rows: in
     for k in range(rows):
         pivot = 1.0 / load(A, k * rows + k)
         store(A, k * rows + k, pivot)
-        y = load(z, k)
+        y = load(g, k)
         for i in range(k + 1, rows):
             f = load(A, i * rows + k) * pivot
-            store(z, i, load(z, i) - f * y)
+            store(g, i, load(g, i) - f * y)
             for j in range(k + 1, rows):
                 store(A, i * rows + j, load(A, i * rows + j) - f * load(A, k * rows + j))
     for b in range(rows):
         i = rows - 1 - b
-        t = load(z, i)
+        t = load(g, i)
         for j in range(i + 1, rows):
-            t = t - load(A, i * rows + j) * load(z, j)
-        store(z, i, t * load(A, i * rows + i))
+            t = t - load(A, i * rows + j) * load(g, j)
+        store(g, i, t * load(A, i * rows + i))
     for b in range(rows):  # C g, from the last row up
         i = rows - 1 - b
         t = zero
         for j in range(i + 1):
-            t = t + load(law.factor, i * rows + j) * load(z, j)
-        store(z, i, t)
+            t = t + load(law.factor, i * rows + j) * load(g, j)
+        store(g, i, t)
     for a in range(count):
         s = active[a]
         i, size = starts[a], sites.site[s, SIZE]
         if size == 1:
             for l in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
-                x = load(law.single, 8 * l + 5) * load(law.single, 8 * l + 3) * (1.0 / PROXIMAL) * load(z, i)
+                x = load(law.single, 8 * l + 5) * load(law.single, 8 * l + 3) * (1.0 / PROXIMAL) * load(g, i)
                 store(law.move, k3 + l, load(law.move, k3 + l) - x)
             continue
-        turn = three(z, i + 3) if size == 6 else (zero, zero, zero)
-        linear = three(z, i)
+        turn = three(g, i + 3) if size == 6 else (zero, zero, zero)
+        linear = three(g, i)
         for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
             q = POINT * c
             u = times(load(law.point, q + UNIT), plus(linear, cross(turn, three(law.point, q + FELT))))

@@ -95,7 +95,7 @@ class WorldPushes(Displayed):
     offset: Sequence[float] | Array = (0.0, 0.0, 0.0)
 
 
-class Worlds:
+class Worlds(Displayed):
     """n worlds of one robot in time, for controllers and environments; `simulate_many` is a loop over it.
 
     Args:
@@ -119,6 +119,17 @@ class Worlds:
         InputError: arrays of wrong sizes, numbers that are not finite, steps that are too long for a stiffness.
         Unsupported: joints or constraints that are not covered, by name.
         UnknownName: links, joints, frames that the robot does not have.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> standing = solo.standing()
+        >>> servo = rbd.worlds.Servo(3.0, 0.05, target=standing.q[7:])
+        >>> worlds = rbd.worlds.Worlds(solo, solo.feet(), np.tile(standing.q, (16, 1)), step=1e-3, controller=servo)
+        >>> worlds.advance(50)
+        >>> worlds.drive(target=standing.q[7:] + 0.01)
+        >>> worlds.advance(50)
+        >>> worlds.t, worlds.q.shape, bool(worlds.residual.max() < 1e-8)
+        (0.1, (16, 19), True)
     """
 
     def __init__(
@@ -158,7 +169,7 @@ class Worlds:
         masses = self._masses(tables, mass)
         acts = dict(
             joint=self._driven(tables, joint, controller, damping),
-            world=np.concatenate([
+            world=_beside([
                 tables.vectors("gravity", robot.model.gravity.linear if gravity is None else gravity, 3),
                 tables.numbers("ground", ground)[None],
             ]),
@@ -403,12 +414,9 @@ class Worlds:
                 tables.vectors(f"moment of {what}", push.moment, 3),
                 start[None], (start + tables.numbers(f"duration of {what}", push.duration))[None], np.zeros((1, 1)),
             ]  # fmt: skip
-            parts.append(each)
+            parts += each
         self._push_bodies = np.array(bodies, int)
-        width = max([x.shape[1] for each in parts for x in each], default=1)
-        return np.array([np.concatenate([np.broadcast_to(x, (len(x), width)) for x in each]) for each in parts]).reshape(
-            len(parts), rows.PUSH, width
-        )
+        return _beside(parts) if parts else np.zeros((0, 1))
 
     def _check_stiffness(self, servo: Servo | None) -> None:
         """Refuse a step that is too long for the servo: of each joint alone, with all else free."""
@@ -467,6 +475,12 @@ class _Tables:
             where = f" in world {bad[0]}" if x.shape[-1] > 1 else ""
             raise InputError(f"{what} is not finite{where}; expected finite numbers.")
         return np.asarray(x, float)
+
+
+def _beside(parts: Sequence[Array]) -> Array:
+    """Rows by worlds one below the other, those of one world as in all."""
+    width = max(x.shape[1] for x in parts)
+    return np.concatenate([np.broadcast_to(x, (len(x), width)) for x in parts])
 
 
 def _rotations(quaternions: Array) -> Array:

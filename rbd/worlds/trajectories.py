@@ -13,6 +13,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
+from rbd.motion.reference_motion import Motion
 
 ENOUGH = 1e-8
 """Scaled residual above which a world is flagged."""
@@ -40,6 +41,14 @@ class Trajectories(Displayed):
         contacts: {contact: its points}.
         given: The arguments.
         controller: The function of the torques, or None.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> falls = rbd.State(box, [0, 0, 1, 0, 0, 0, 1])
+        >>> gravity = [[0, 0, -1.62], [0, 0, -9.81]]  # on the Moon, on Earth
+        >>> worlds = rbd.simulate_many(falls, [], duration=0.4, step=1e-2, gravity=gravity, record=10)
+        >>> worlds.q[:, -1, 2].round(4), worlds.motion(1).n
+        (array([0.8704, 0.2152]), 5)
     """
 
     robot: CheckedModel
@@ -99,6 +108,18 @@ class Trajectories(Displayed):
         if not np.isfinite(self.q[world, sample]).all():
             raise InputError(f"world {world} stopped before step {self.stopped[world] + 1}, before sample {sample}.")
         return State(self.robot, self.q[world, sample], self.v[world, sample], t=float(self.t[sample]))
+
+    def motion(self, world: int) -> Motion:
+        """The samples of one world, up to where it stopped, as a motion: to look at (`export`), check and follow.
+
+        Raises:
+            InputError: no such world, or fewer than three samples.
+        """
+        self.state(world, 0)
+        known = np.isfinite(self.q[world]).all(axis=1)
+        if known.sum() < 3:
+            raise InputError(f"world {world} has {known.sum()} samples; expected 3 or more: simulate_many(..., record=10).")
+        return Motion.of_arrays(self.robot, self.t[known], self.q[world, known], self.v[world, known], source=f"world {world}")
 
     def __str__(self) -> str:
         worst = float(self.residual.max(initial=0.0))

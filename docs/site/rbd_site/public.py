@@ -17,7 +17,7 @@ PACKAGES = tuple(
     for name in (
         *("dynamics", "constraints", "constraints.forces", "problem", "solvers", "answers.analysis", "answers.many"),
         *("robots", "model", "statics", "centroid", "control", "mechanism", "mechanism.small_motion", "simulation"),
-        *("planning", "audits", "audits.bench", "motion", "motion.identification", "studies", "planar", "visual"),
+        *("planning", "worlds", "audits", "audits.bench", "motion", "motion.identification", "studies", "planar", "visual"),
         *("testing", "errors"),
     )
 )
