@@ -159,6 +159,13 @@ def use_linearised(**given: Any) -> Any:
 MANY = {"robot": BOLT, "q": np.tile(STATE.q, (2, 1)), "v": np.zeros((2, BOLT.nv)), "tau": TAU, "constraints": FEET}
 
 
+def use_worlds(**given: Any) -> Any:
+    """The worlds that go on."""
+    found = rbd.simulate_many(**given)
+    goes = found.stopped < 0
+    return [array[goes] for array in (found.q, found.v, found.residual, found.points)]
+
+
 def use_many(**given: Any) -> Any:
     """The rows that have an answer."""
     found = rbd.solve_many(**given)
@@ -1152,6 +1159,33 @@ CASES: dict[str, Case] = {
         | {"record_every": 1, "may_sink": False, "progress": False, "events": [height], "inactive": ()},
         30,
     ),
+    "simulate_many": Case(
+        use_worlds,
+        {"states": BOX.at(), "contacts": FLOOR, "duration": 0.01, "step": 0.005, "tau": np.zeros(0), "controller": None}
+        | {"every": 1, "law": "coulomb", "friction": 0.5, "mass": {"box": 1.5}, "gravity": np.array([0.0, 0.0, -9.0])}
+        | {"ground": np.zeros(2), "damping": {}, "pushes": (), "record": 1, "threads": 1, "progress": False},
+        30,
+    ),
+    "Servo": Case(
+        lambda **given: use_worlds(
+            states=STATE, contacts=FEET, duration=0.01, step=0.005, controller=rbd.worlds.Servo(**given)
+        ),
+        {"stiffness": 0.1, "damping": 0.01, "target": np.zeros(BOLT.nu), "torque": np.zeros(BOLT.nu), "limited": True},
+        20,
+    ),
+    "WorldPushes": Case(
+        lambda **given: use_worlds(
+            states=BOX.at(), contacts=FLOOR, duration=0.01, step=0.005, pushes=rbd.worlds.WorldPushes(**given)
+        ),
+        {"frame": "box", "force": np.ones((2, 3)), "start": 0.0, "duration": np.ones(2), "moment": np.zeros(3)}
+        | {"offset": np.zeros(3)},
+        20,
+    ),
+    "Worlds": Case(
+        lambda **given: (lambda worlds: (worlds.advance(2), worlds.q, worlds.v, worlds.residual)[1:])(rbd.worlds.Worlds(**given)),
+        {"robot": BOX, "contacts": FLOOR, "q": np.tile(BOX.at().q, (2, 1)), "v": np.zeros(6), "step": 0.005, "law": "convex"},
+        20,
+    ),
     "TimeStepping": Case(
         lambda **given: use_integrator(rbd.TimeStepping(**given)),
         {"impact_speed": 1e-3, "impacts": 20, "touch_tolerance": 1e-9},
@@ -1938,6 +1972,7 @@ def public() -> Iterator[str]:
         rbd.simulation,
         rbd.statics,
         rbd.studies,
+        rbd.worlds,
     )
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]

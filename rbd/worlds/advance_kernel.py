@@ -58,7 +58,7 @@ from rbd.worlds.layout import (
     Law,
     Space,
 )
-from rbd.worlds.near_kernel import scaled, touched, zeros
+from rbd.worlds.near_kernel import begin_weights, touched, zeros
 from rbd.worlds.proof_kernel import equation_residual, law_residual
 from rbd.worlds.sites_kernel import SITE_TYPES, Sites, mobility
 from rbd.worlds.spatial_kernel import cross, dot, nine, plus, put, three, times, turned
@@ -193,7 +193,7 @@ def begun_step(
         return False
     rows = mobility(tree, sites, active, count, starts, space.work, space.base, law)
     whole[HOW_WIDE] = rows
-    scaled(sites, active, count, starts, rows, impulse, law)
+    begin_weights(sites, active, count, starts, rows, impulse, law)
     solved(sites, active, count, starts, rows, coulomb, arrives, law)
     least, enough = load(law.merit, LEAST), FOUND * load(law.merit, SCALE)
     left = above(least, enough, one, above(least, -1.0, zero, one)) * moves

@@ -229,7 +229,7 @@ def touched(
 
 
 @compiled
-def scaled(sites: Sites, active: Array, count: int, starts: Array, rows: int, impulse: Array, law: Law) -> None:
+def begin_weights(sites: Sites, active: Array, count: int, starts: Array, rows: int, impulse: Array, law: Law) -> None:
     """Write the units of the parts, and weights to begin with: as the impulses of the last two steps go on."""
     k3 = 3 * len(sites.arm)
     one, zero, older = spread(impulse, 1.0), spread(impulse, 0.0), k3 + len(sites.single)

@@ -41,6 +41,7 @@ def simulate_many(
     damping: Mapping[str, EachWorld] | None = None,
     pushes: WorldPushes | Push | Sequence[WorldPushes | Push] = (),
     record: int | None = None,
+    loops: bool = True,
     threads: int | None = 1,
     progress: bool = True,
 ) -> Trajectories:
@@ -67,6 +68,7 @@ def simulate_many(
         damping: {joint: viscous damping, a number or (n,)} [N s/m, N m s/rad].
         pushes: `WorldPushes` and `rbd.control.Push`.
         record: Steps between samples; None: the first and the last alone.
+        loops: Whether the robot's own loops hold, which are not supported: a robot that has some is refused.
         threads: How many; None: one a core. The numbers are the same, bit by bit.
         progress: Show a bar on a terminal where it takes long.
 
@@ -106,7 +108,7 @@ def simulate_many(
         q = np.broadcast_to(q, (len(torques), robot.nq))
     given: dict[str, Any] = dict(
         step=step, law=law, controller=servo, friction=friction, mass=mass, gravity=gravity, ground=ground, damping=damping,
-        pushes=pushes,
+        pushes=pushes, loops=loops,
     )  # fmt: skip
     worlds = Worlds(robot, contacts, q, v, threads=threads, **given)
     if torques is not None:
