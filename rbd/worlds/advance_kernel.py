@@ -329,7 +329,7 @@ def advance_blocks(
         while whole[STEP] < steps:
             i = whole[STEP]
             if whole[PART] == 0 and begun_step(
-                tree, sites, ground, given, push_body, t + i * h, h, coulomb, q[b], v[b], before[b], impulse[b], told[b],
+                tree, sites, ground, given, push_body, (number + i) * h, h, coulomb, q[b], v[b], before[b], impulse[b], told[b],
                 room, law, whole,
             ):  # fmt: skip
                 whole[PART] = 1
