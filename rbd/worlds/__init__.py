@@ -3,11 +3,12 @@
 from functools import partial as _partial
 
 from rbd.modules import submodule as _submodule
+from rbd.worlds.certificates import WorldCertificate
 from rbd.worlds.simulating import simulate_many
 from rbd.worlds.stepping import Servo, WorldPushes, Worlds
 from rbd.worlds.trajectories import Trajectories
 
-__all__ = ["Servo", "Trajectories", "WorldPushes", "Worlds", "simulate_many"]
+__all__ = ["Servo", "Trajectories", "WorldCertificate", "WorldPushes", "Worlds", "simulate_many"]
 
 
 __getattr__ = _partial(_submodule, __name__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import KW_ONLY, dataclass
@@ -18,6 +19,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.installation import cores
+from rbd.kernels import prepare
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.gauss_problem import Law
 from rbd.solvers.default import slip_law
@@ -151,6 +153,7 @@ class Worlds(Displayed):
         threads: int | None = 1,
         loops: bool = True,
     ) -> None:
+        prepare()  # fused multiplications and additions round otherwise than NumPy's: no first steps without them
         check_positive("step", step, 10.0, "s")
         given = ManyStates.of(robot, q, v, contacts, friction=friction, loops=loops)
         self.robot, self.step, self.coulomb = robot, float(step), slip_law(law).kind == "coulomb"
@@ -259,6 +262,21 @@ class Worlds(Displayed):
         k = len(self.touching.sites.arm)
         f = self._unpacked(self._impulse)[:, : 3 * k].reshape(self.n, k, 3) / self.step
         return np.asarray(f[:, np.argsort(self.touching.order)])
+
+    def only(self, world: int) -> Worlds:
+        """One of the worlds alone, as it is now: its steps are the same, bit by bit, as lanes do not depend on each other."""
+        out = copy.copy(self)
+        block, lane = divmod(world, LANES)
+
+        def cut(x: Array) -> Array:
+            return np.repeat(x[min(block, len(x) - 1)][None, :, lane, None], LANES, axis=2)
+
+        out.n, out.blocks, out._pool, out._spaces = 1, 1, None, [self._spaces[0].copy()]
+        out._given = {name: cut(x) for name, x in self._given.items()}
+        out._q, out._v, out._before, out._impulse, out._told = map(
+            cut, (self._q, self._v, self._before, self._impulse, self._told)
+        )
+        return out
 
     def forget(self) -> None:
         """Begin anew with the largest residuals and depths."""
