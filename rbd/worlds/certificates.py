@@ -31,8 +31,9 @@ from rbd.problem.cones import Bounds, Cone, FrictionCone, NonNegative, Product
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import residuals_of
 from rbd.problem.rows import Rows
-from rbd.worlds import advance_kernel as rows
+from rbd.worlds import layout as rows
 from rbd.worlds.beginning import begun, check_torques
+from rbd.worlds.near_kernel import SHARE
 from rbd.worlds.stepping import Worlds
 
 
@@ -142,12 +143,12 @@ def _check_same(world: int, one: Worlds, q: Array, v: Array) -> None:
 
 @dataclass(frozen=True)
 class _Start:
-    """What there is before a step, a base's velocity in the world's axes."""
+    """What there is before a step, a base's velocity in the world's axes, and its rate in the first half of the step."""
 
     q: Array
     x: Array
     v: Array
-    before: Array
+    rate: Array
     impulse: Array
 
 
@@ -193,10 +194,9 @@ class _Check:
 
     def start(self) -> _Start:
         """The world as it is."""
-        one = self.one
-        return _Start(
-            one.q[0], one._q[0, :, 0].copy(), one._v[0, :, 0].copy(), one._before[0, :, 0].copy(), one._impulse[0, :, 0].copy()
-        )  # fmt: skip
+        one, before = self.one, self.one._before[0, :, 0]
+        rate = 1.75 * before[: self.nv] - 0.75 * before[self.nv : 2 * self.nv]
+        return _Start(one.q[0], one._q[0, :, 0].copy(), one._v[0, :, 0].copy(), rate, one._impulse[0, :, 0].copy())
 
     def moved(self, q: Array, v: Array, h: float) -> Array:
         """q (+) h v, a base's velocity in the world's axes."""
@@ -210,7 +210,7 @@ class _Check:
         """(equation, law, path, depth, turning) of the step that led from a state to the present one."""
         one, h, free = self.one, self.one.step, self.free
         end, p = one._v[0, :, 0], one._impulse[0, :, 0]
-        q_m, v_h = self.moved(start.q, start.v, 0.5 * h), start.v + 0.5 * h * start.before
+        q_m, v_h = self.moved(start.q, start.v, 0.5 * h), start.v + 0.5 * h * start.rate
         T = np.eye(self.nv)
         if free:
             T[:3, :3] = T[3:6, 3:6] = pin.Quaternion(q_m[3:7]).toRotationMatrix()
@@ -314,7 +314,7 @@ class _Check:
             now = gap[c] - half * before - 0.5 * half * half * (n @ lifted)
             moved = max(now + s * before, 0.0) / max(h - s, 1e-3 * h)
             closed = now < near
-            apart = max(rows.SHARE * now / h, -0.1) if closed else moved
+            apart = max(SHARE * now / h, -0.1) if closed else moved
             shift = begin - middle
             shift = shift - (n @ shift) * n
             along = middle - (n @ middle) * n
@@ -347,7 +347,7 @@ class _Check:
                 if not np.isfinite(gap):
                     continue
                 # whether it would pass the stop with the velocity that the step has without it is not known here: with that after it
-                apart = gap / h if gap > 1e-9 else max(rows.SHARE * gap / h, -0.1)
+                apart = gap / h if gap > 1e-9 else max(SHARE * gap / h, -0.1)
                 if u < -slow and f * sign > 0.0 and gap + 0.5 * h * u < 0.0 and gap > -1e-6:
                     apart = 0.0
                 found.append((f"stop {l}", sign * e, np.array([last + apart]) / h, NonNegative(1), np.array([sign * f])))

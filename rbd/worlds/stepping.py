@@ -271,7 +271,7 @@ class Worlds(Displayed):
         def cut(x: Array) -> Array:
             return np.repeat(x[min(block, len(x) - 1)][None, :, lane, None], LANES, axis=2)
 
-        out.n, out.blocks, out._pool, out._spaces = 1, 1, None, [self._spaces[0].copy()]
+        out.n, out.blocks, out._pool, out._spaces = 1, 1, None, [(self._spaces[0][0].copy(), self._spaces[0][1].copy())]
         out._given = {name: cut(x) for name, x in self._given.items()}
         out._q, out._v, out._before, out._impulse, out._told = map(
             cut, (self._q, self._v, self._before, self._impulse, self._told)
