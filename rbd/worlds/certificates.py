@@ -17,12 +17,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, check_whole, cross_matrix
+from rbd.arrays import Array, as_array, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -49,8 +49,8 @@ class WorldCertificate(Displayed):
         law: Of the contact law, scaled likewise, shape (s,).
         path: Of q+ = q (+) s v (+) (h - s) v+, over the step's motion or 1e-6 m (rad), shape (s,).
         depth: How deep a point is below its surface at the beginning of the step, shape (s,) [m].
-        turning: How much the points' velocities on soles as they are turned at the end differ from J v+ + h/2 J_dot v; of the
-            order of the step times the gap, shape (s,) [m/s].
+        turning: By how much velocities of points that carry force, on soles as they are turned at the end, differ from
+            J v+ + h/2 J_dot v, shape (s,) [m/s].
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -161,6 +161,16 @@ class _Frame:
     bias: Array
 
 
+class _Part(NamedTuple):
+    """Rows with what they must obey: y = J a + ... and forces f in a set, under the law."""
+
+    name: str
+    J: Array
+    y: Array
+    cone: Cone
+    f: Array
+
+
 class _Check:
     """One world, and what its steps are checked with."""
 
@@ -225,17 +235,19 @@ class _Check:
         frame = _Frame((R, x), J, bias)
         a, f = (end - start.v) / h, p / h
         force = self._acting(start, end, v_h, frame)
-        contact = self._contacts(start, end, v_h, frame, f)
-        given = [each for each in (contact[0], *self._singles(start, end, f)) if len(each[1])]
-        every = [
-            Rows(name, J, y - J @ a, cone) for name, J, y, cone, _ in given
-        ]  # fmt: skip
-        problem = GaussProblem(M, force - h_w, every)
-        multipliers = np.concatenate([np.zeros(0), *(f for *_, f in given)])
-        law = Law("coulomb" if one.coulomb else "convex")
-        scaled = residuals_of(problem, a, multipliers, None, law).scaled
-        least = max(scaled.get(name, 0.0) for name in ("feasibility", "cone", "complementarity"))
-        return scaled["stationarity"], least, self._path(start, end)[1], contact[1], contact[2]
+        s, path = self._path(start, end)
+        points, depth, turning = self._contacts(start, end, v_h, frame, f, s)
+        singles, law = self._singles(start, end, f, s), Law("coulomb" if one.coulomb else "convex")
+        found: list[tuple[float, float]] = []
+        for some in points or [None]:
+            given = [*([] if some is None else [some]), *singles]
+            problem = GaussProblem(M, force - h_w, [Rows(part.name, part.J, part.y - part.J @ a, part.cone) for part in given])
+            forces = np.concatenate([np.zeros(0), *(part.f for part in given)])
+            scaled = residuals_of(problem, a, forces, None, law).scaled
+            worst = max(scaled[name] for name in ("feasibility", "cone", "complementarity"))
+            found.append((worst, scaled["stationarity"]))
+        worst, equation = min(found)
+        return equation, worst, path, depth, turning
 
     def _acting(self, start: _Start, end: Array, v_h: Array, frame: _Frame) -> Array:
         """S^T tau + tau_ext: motors, dampers and pushes."""
@@ -277,80 +289,72 @@ class _Check:
             gap[c], normal[c] = best
         return gap, normal
 
+    def _apart(self, gap: Array, rate: Array, s: float) -> Array:
+        """Velocities that points have to be left or given: y_n = u_n + apart."""
+        h, near = self.one.step, self.one.step**2 * float(np.linalg.norm(self.table["world"][:3])) + 1e-12
+        later = np.maximum(gap + s * rate, 0.0) / max(h - s, 1e-3 * h)
+        return np.where(gap < near, np.maximum(SHARE * gap / h, -0.1), later)
+
     def _contacts(
-        self, start: _Start, end: Array, v_h: Array, frame: _Frame, force: Array
-    ) -> tuple[tuple[str, Array, Array, Cone, Array], float, float]:
-        """((name, J, y, set, f) of all points, their depth, how much the soles' turning changes)."""
+        self, start: _Start, end: Array, v_h: Array, frame: _Frame, force: Array, s: float
+    ) -> tuple[list[_Part], float, float]:
+        """(the points, with friction against the velocity in the middle and at the end, depth, how much soles' turning changes)."""
         h, k, half = self.one.step, self.k, 0.5 * self.one.step
-        J, y, f, depth, turning = np.zeros((3 * k, self.nv)), np.zeros(3 * k), np.zeros(3 * k), 0.0, 0.0
-        cones: list[Cone] = []
         if not k:
-            return ("points", J, y, Product([]), f), 0.0, 0.0
+            return [], 0.0, 0.0
         R, x = (each[self.body] for each in frame.places)
         P, Q = (x + np.einsum("cij,cj->ci", R, r) for r in (self.local, self.place))
-        gap, normal = self._surface(P)
-        s, _ = self._path(start, end)
-        g = np.linalg.norm(self.table["world"][:3])
-        near = h * h * g + 1e-12
-        friction, pushed = self.table["friction"], start.impulse[: 3 * k].reshape(-1, 3)
-        arrives = abs(s - half) > 1e-6 * h
-        for c in range(k):
-            moves, n, r = self.moves[self.body[c]], normal[c], P[c] - Q[c]
-            own, (a0, alpha) = frame.J * moves, np.split((frame.bias * moves).sum(axis=1), 2)
-            l, w = np.split(own @ v_h, 2)
-            j_P, j_Q = (own[:3] - cross_matrix(z) @ own[3:] for z in (P[c], Q[c]))
-            rate_P, rate_Q = (a0 + np.cross(alpha, z) + np.cross(w, l + np.cross(w, z)) for z in (P[c], Q[c]))
-            middle, begin = j_P @ v_h, j_P @ start.v - half * rate_P
-            plain = j_P @ end + half * rate_P
-            u = plain
-            lifted = rate_P - np.cross(w, np.cross(w, r))
-            if self.broad[c]:
-                felt = r + half * np.cross(w, r)
-                felt = felt - (gap[c] + half * n @ middle) * n
-                u = j_Q @ end + half * rate_Q + np.cross(own[3:] @ end + half * alpha, felt)
-                # at the beginning the kernels leave out the arms' own rate; of the order of the step
-                begin = begin + 0.0
-            before = n @ begin
-            now = gap[c] - half * before - 0.5 * half * half * (n @ lifted)
-            moved = max(now + s * before, 0.0) / max(h - s, 1e-3 * h)
-            closed = now < near
-            apart = max(SHARE * now / h, -0.1) if closed else moved
-            shift = begin - middle
-            shift = shift - (n @ shift) * n
-            along = middle - (n @ middle) * n
-            slides = along @ along > 16.0 * shift @ shift + 1e-12 and n @ pushed[c] > 0.0 and closed and not arrives
-            E = _axes(n)
-            live = now < h * (3.0 + 2.0 * np.linalg.norm(middle))
-            depth, turning = max(depth, -now if live else 0.0), max(turning, np.abs(u - plain).max() if live else 0.0)
-            at = slice(3 * c, 3 * c + 3)
-            J[at], f[at] = E @ j_P, E @ force[at]
-            y[at] = E @ (u + apart * n + (shift if slides else 0.0)) / h
-            cones.append(FrictionCone(float(friction[c])))
-        return ("points", J, y, Product(cones), f), depth, turning
+        gap, n = self._surface(P)
+        moves = self.moves[self.body]
+        of = frame.J * moves[:, None]  # (k, 6, nv)
+        a0, alpha = np.split(moves @ frame.bias.T, 2, axis=1)
+        (l, w), (e, spin), (b, turn) = (np.split(of @ v, 2, axis=1) for v in (v_h, end, start.v))
+        rate_P, rate_Q = (a0 + _cross(alpha, z) + _cross(w, l + _cross(w, z)) for z in (P, Q))
+        middle, begin = l + _cross(w, P), b + _cross(turn, P) - half * rate_P
+        plain, arm = e + _cross(spin, P) + half * rate_P, P - Q
+        felt = arm + half * _cross(w, arm)
+        felt = felt - (gap + half * np.vecdot(n, middle))[:, None] * n
+        u = np.where(
+            self.broad[:, None], e + _cross(spin, Q) + half * rate_Q + _cross(spin + half * alpha, felt), plain
+        )  # fmt: skip
+        rate = np.vecdot(n, begin)
+        now = gap - half * rate - 0.5 * half * half * np.vecdot(n, rate_P - _cross(w, _cross(w, arm)))
+        shift, along = (z - np.vecdot(n, z)[:, None] * n for z in (begin - middle, middle))
+        slides = np.vecdot(along, along) > 16.0 * np.vecdot(shift, shift) + 1e-12
+        slides &= np.vecdot(n, start.impulse[: 3 * k].reshape(k, 3)) > 0.0
+        slides &= now < h * h * np.linalg.norm(self.table["world"][:3]) + 1e-12
+        if abs(s - half) > 1e-6 * h:
+            slides[:] = False
+        E = np.array([_axes(z) for z in n])
+        J = (E @ (of[:, :3] + np.cross(of[:, 3:], P[:, :, None], axis=1))).reshape(3 * k, self.nv)
+        y = u + self._apart(now, rate, s)[:, None] * n
+        f = np.einsum("cij,cj->ci", E, force[: 3 * k].reshape(k, 3)).ravel()
+        cone = Product([FrictionCone(float(mu)) for mu in self.table["friction"]])
+        live = now < h * (3.0 + 2.0 * np.linalg.norm(middle, axis=1))
+        parts = [
+            _Part("points", J, np.einsum("cij,cj->ci", E, y + z).ravel() / h, cone, f)
+            for z in ((slides[:, None] * shift, 0.0) if slides.any() else (0.0,))
+        ]
+        depth, turning = -now[live].min(initial=0.0), np.abs(u - plain)[force[: 3 * k].reshape(k, 3).any(axis=1)].max(initial=0.0)
+        return parts, float(depth), float(turning)
 
-    def _singles(self, start: _Start, end: Array, force: Array) -> list[tuple[str, Array, Array, Cone, Array]]:
-        """The same of joints with dry friction, and of the nearer stop."""
-        found: list[tuple[str, Array, Array, Cone, Array]] = []
+    def _singles(self, start: _Start, end: Array, force: Array, s: float) -> list[_Part]:
+        """Joints with dry friction, and the nearer stop of those with stops."""
+        found: list[_Part] = []
         h, free, table = self.one.step, self.free, self.table_now("joint").reshape(-1, rows.JOINT)
-        slow = 2.0 * h * np.linalg.norm(self.table["world"][:3]) + 1e-12
         for b, size, first, many in self.touching.sites.site:
             for l in range(first, first + many) if size == 1 else ():
                 j, i, f = b - free, 5 * free + b, force[3 * self.k + l]
                 row, e = table[j], np.eye(self.nv)[i : i + 1]
                 if self.touching.sites.single[l] == rows.RUB:
                     bound = np.array([row[rows.RUBS]])
-                    found.append((f"friction {l}", e, end[i : i + 1] / h, Bounds(-bound, bound), np.array([f])))
+                    found.append(_Part(f"friction {l}", e, end[i : i + 1] / h, Bounds(-bound, bound), np.array([f])))
                     continue
                 low, high = start.x[7 * free + j] - row[rows.LOW], row[rows.HIGH] - start.x[7 * free + j]
                 sign, gap = (-1.0, high) if low > high else (1.0, low)
-                u, last = sign * start.v[i], sign * end[i]
-                if not np.isfinite(gap):
-                    continue
-                # whether it would pass the stop with the velocity that the step has without it is not known here: with that after it
-                apart = gap / h if gap > 1e-9 else max(SHARE * gap / h, -0.1)
-                if u < -slow and f * sign > 0.0 and gap + 0.5 * h * u < 0.0 and gap > -1e-6:
-                    apart = 0.0
-                found.append((f"stop {l}", sign * e, np.array([last + apart]) / h, NonNegative(1), np.array([sign * f])))
+                if np.isfinite(gap):
+                    y = sign * end[i] + self._apart(np.array([gap]), np.array([sign * start.v[i]]), s)
+                    found.append(_Part(f"stop {l}", sign * e, y / h, NonNegative(1), np.array([sign * f])))
         return found
 
     def _path(self, start: _Start, end: Array) -> tuple[float, float]:
@@ -367,6 +371,12 @@ class _Check:
         there = self.moved(self.moved(start.q, start.v, s), end, h - s)
         off = pin.difference(self.robot.model, one.q[0], there)
         return s, float(np.abs(off).max() / max(h * np.abs(start.v).max(), h * np.abs(end).max(), 1e-6))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """a x b, row by row: a third of the cost of np.cross."""
+    (x, y, z), (r, s, t) = a.T, b.T
+    return np.stack([y * t - z * s, z * r - x * t, x * s - y * r], axis=1)
 
 
 def _axes(n: Array) -> Array:
