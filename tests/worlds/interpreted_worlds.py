@@ -44,21 +44,22 @@ def main() -> None:
     scalar = [alone(worlds, i) for i in range(3)]
     worlds.advance(STEPS)
     out = {"q": worlds.q.tolist(), "v": worlds.v.tolist(), "residual": worlds.residual.tolist(), "alone": scalar}
-    solved = advance_kernel.solved
+    solved, lanes = advance_kernel.solved, [1]
 
     def stopped_early(sites, active, count, starts, rows, coulomb, fresh, law, *more):
         steps = solved(sites, active, count, starts, rows, coulomb, fresh, law, *more)
-        law.best[:, 1] *= 1.0 + 1e-6
+        law.best[:, lanes] *= 1.0 + 1e-6
         return steps
 
     advance_kernel.solved = stopped_early
     faulty = begun()
     faulty.advance(STEPS)
     out["early"] = faulty.residual.tolist()
+    lanes[:] = range(8)
     warnings.simplefilter("ignore")
     robot, contacts, q, v, tau, mu = drawn("leg", 3, 1)
     run = rbd.simulate_many((robot, q, v), contacts, duration=STEPS * 2e-3, step=2e-3, tau=tau, friction=mu)
-    out["flagged"], out["law"] = run.flagged.tolist(), [float(run.certify(i).law.max()) for i in range(2)]
+    out["flagged"], out["law"] = run.flagged.tolist(), float(run.certify(1).law.max())
     json.dump(out, sys.stdout)
 
 
