@@ -1,7 +1,7 @@
 """`WorldCertificate`: the steps of one world, taken again and checked by Pinocchio and by the residuals of `rbd.solve`.
 
-Nothing of the kernels is used but the states, impulses and arguments of each step. With all terms at q_m = q (+) h/2 v and v_h, a
-base's velocity in the world's axes, a = (v+ - v) / h and f = p / h, the step is an answer of a `GaussProblem`:
+Nothing of the kernels is used but the states, impulses and arguments of each step. With all terms at q_m = q (+) h/2 v and v_h,
+a base's velocity in the world's axes, a = (v+ - v) / h and f = p / h, the step is an answer of a `GaussProblem`:
 
     M a = S^T tau + tau_ext - h + J^T f,        y = (u + apart + shift) / h  and f under the law
 
@@ -9,7 +9,7 @@ base's velocity in the world's axes, a = (v+ - v) / h and f = p / h, the step is
     apart = 1/2 gap / h            of a closed point; of one above its surface, where it is at the arrival, over what is left
     shift                          of points that slide throughout: friction opposes their velocity in the middle
 
-The time s of an arrival follows from q+ = q (+) s v (+) (h - s) v+. Torques of servos and dampers are those of the mean velocity.
+The time s of an arrival follows from q+ = q (+) s v (+) (h - s) v+. Torques of servos and dampers are at the mean velocity.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ class WorldCertificate(Displayed):
     def __str__(self) -> str:
         if not len(self.steps):
             return f"world {self.world}: no steps"
-        lines = [f"world {self.world}: {len(self.steps)} steps of {self.step:g} s checked, largest scaled residual {self.worst:.1e}"]
+        lines = [
+            f"world {self.world}: {len(self.steps)} steps of {self.step:g} s checked, largest scaled residual {self.worst:.1e}"
+        ]
         for name, x in (("equations of motion", self.equation), ("contact law", self.law), ("path", self.path)):
             lines.append(f"{name}: {x.max():.1e} at t = {self.steps[x.argmax()] * self.step:.6g} s")
         return "\n".join([*lines, f"depth: {self.depth.max():.1e} m"])
@@ -209,7 +211,7 @@ class _Check:
         return _Start(one.q[0], one._q[0, :, 0].copy(), one._v[0, :, 0].copy(), rate, one._impulse[0, :, 0].copy())
 
     def moved(self, q: Array, v: Array, h: float) -> Array:
-        """q (+) h v, a base's velocity in the world's axes."""
+        """Q (+) h v, a base's velocity in the world's axes."""
         out = pin.integrate(self.robot.model, q, h * v)
         if self.free:
             R = pin.exp3(h * v[3:6]) @ pin.Quaternion(q[3:7]).toRotationMatrix()
@@ -279,7 +281,10 @@ class _Check:
         for c, x in enumerate(points):
             first, last = ground.pieces[c]
             if first == last:
-                normal[c], gap[c] = ground.plane[c, :3], ground.plane[c, :3] @ x - ground.plane[c, 3] - ground.plane[c, 2] * height
+                normal[c], gap[c] = (
+                    ground.plane[c, :3],
+                    ground.plane[c, :3] @ x - ground.plane[c, 3] - ground.plane[c, 2] * height,
+                )
                 continue
             best = (np.inf, normal[c])
             for piece in range(first, last):
@@ -298,7 +303,7 @@ class _Check:
     def _contacts(
         self, start: _Start, end: Array, v_h: Array, frame: _Frame, force: Array, s: float
     ) -> tuple[list[_Part], float, float]:
-        """(the points, with friction against the velocity in the middle and at the end, depth, how much soles' turning changes)."""
+        """(the points, friction against the velocity in the middle or at the end; depth; what soles' turning changes)."""
         h, k, half = self.one.step, self.k, 0.5 * self.one.step
         if not k:
             return [], 0.0, 0.0
@@ -335,7 +340,10 @@ class _Check:
             _Part("points", J, np.einsum("cij,cj->ci", E, y + z).ravel() / h, cone, f)
             for z in ((slides[:, None] * shift, 0.0) if slides.any() else (0.0,))
         ]
-        depth, turning = -now[live].min(initial=0.0), np.abs(u - plain)[force[: 3 * k].reshape(k, 3).any(axis=1)].max(initial=0.0)
+        depth, turning = (
+            -now[live].min(initial=0.0),
+            np.abs(u - plain)[force[: 3 * k].reshape(k, 3).any(axis=1)].max(initial=0.0),
+        )
         return parts, float(depth), float(turning)
 
     def _singles(self, start: _Start, end: Array, force: Array, s: float) -> list[_Part]:
@@ -374,7 +382,7 @@ class _Check:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """a x b, row by row: a third of the cost of np.cross."""
+    """A x b, row by row: a third of the cost of np.cross."""
     (x, y, z), (r, s, t) = a.T, b.T
     return np.stack([y * t - z * s, z * r - x * t, x * s - y * r], axis=1)
 

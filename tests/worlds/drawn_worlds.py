@@ -53,7 +53,8 @@ def simulated(robot, q, v, contacts, *, tau=None, friction=None, step, duration,
     given = [c.with_friction(float(friction)) if friction is not None and hasattr(c, "with_friction") else c for c in contacts]
     controller = None if tau is None else lambda state, t: tau
     return rbd.simulate(
-        rbd.State(robot, q, v), given, duration=duration, step=step, controller=controller, progress=False, may_sink=True, **others
+        rbd.State(robot, q, v), given, duration=duration, step=step, controller=controller, progress=False, may_sink=True,
+        **others,
     )  # fmt: skip
 
 

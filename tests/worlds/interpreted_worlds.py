@@ -6,7 +6,6 @@ import json
 import sys
 import warnings
 
-import numpy as np
 from drawn_worlds import drawn
 
 import rbd

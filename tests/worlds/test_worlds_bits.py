@@ -152,5 +152,7 @@ def test_bad_input_is_named():
     ball.body("bob", mass=1.0, com=(0, 0, -1), inertia=np.eye(3))
     ball.joint("socket", "ground", "bob", "ball")
     robot = ball.robot()
-    refused("joint 'socket' of ball joint is a JointModelSpherical", rbd.errors.Unsupported, state=rbd.State(robot, [0, 0, 0, 1.0]))
+    refused(
+        "joint 'socket' of ball joint is a JointModelSpherical", rbd.errors.Unsupported, state=rbd.State(robot, [0, 0, 0, 1.0])
+    )
     refused("state 1 is of solo12, the first of leg", state=[leg().at([0.6, 0.2, -0.5]), standing("solo12")[0]])

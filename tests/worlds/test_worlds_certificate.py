@@ -35,7 +35,9 @@ def test_a_certificate_is_of_the_world_with_its_own_arguments():
     """Mass, gravity, ground, pushes, gains, damping and a function of all worlds: the equation of each holds to rounding."""
     state, contacts, tau = standing("solo12")
     servo = rbd.worlds.Servo(np.array([[3.0], [4.0], [5.0]]) * np.ones(12), 0.05, target=state.q[7:], torque=tau)
-    push = rbd.worlds.WorldPushes("base_link", [[5.0, 0, 0], [0, 9, 0], [0, 0, 3]], start=0.0013, duration=0.011, moment=(0, 0, 1))
+    push = rbd.worlds.WorldPushes(
+        "base_link", [[5.0, 0, 0], [0, 9, 0], [0, 0, 3]], start=0.0013, duration=0.011, moment=(0, 0, 1)
+    )
     own = dict(
         mass=[1.0, 1.2, 0.9], gravity=[[0, 0, -9.81], [0.3, 0, -9.0], [0, 0, -3.0]], ground=[0.0, -0.001, 0.0], pushes=push,
         friction=[0.3, 0.5, 0.9], damping={"FL_HAA": [0.0, 0.1, 0.2]},

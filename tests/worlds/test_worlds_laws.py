@@ -19,7 +19,7 @@ def box_with_face(on=0.0, friction=0.5):
 
 
 def test_a_block_on_a_slope_slides_and_stops():
-    """Down a slope of angle s from v0: v' = g (sin s - mu cos s); where mu > tan s it stops after v0^2 / (2 g (mu cos s - sin s))."""
+    """Down a slope of angle s: v' = g (sin s - mu cos s); if mu > tan s it stops after v0^2 / (2 g (mu cos s - sin s))."""
     s, v0, h = 0.3, 1.2, 1e-3
     R = pin.utils.rotate("y", s)
     slope = rbd.Ground(normal=R[:, 2], point=np.zeros(3))
@@ -39,7 +39,7 @@ def test_a_block_on_a_slope_slides_and_stops():
 
 
 def test_friction_turns_with_the_motion():
-    """A block on level ground, pushed across its motion, stops within the cone; the force has the size mu m g while it slides."""
+    """A block on level ground that slides is pushed across its motion: friction of size mu m g opposes both."""
     box, face = box_with_face()
     worlds = rbd.simulate_many(
         rbd.State(box, [0, 0, 0, 0, 0, 0, 1], [1.0, 0, 0, 0, 0, 0]), [face], duration=0.1, step=1e-3, friction=[0.3, 0.6],
@@ -53,7 +53,7 @@ def test_friction_turns_with_the_motion():
 
 @pytest.mark.parametrize("law", ["coulomb", "convex"])
 def test_a_dropped_box_comes_to_rest_and_gains_no_energy(law):
-    """Tilted boxes fall, strike with a corner and settle: no sample has more energy than the one before, but for the step's error."""
+    """Tilted boxes fall, strike with a corner and settle: energy never grows, but for the step's error."""
     box, face = box_with_face()
     rng = np.random.default_rng(2)
     q = np.tile([0.0, 0, 0.4, 0, 0, 0, 1], (6, 1))
@@ -74,7 +74,7 @@ def _energy(state):
 
 
 def test_a_point_mass_falls_strikes_and_stays():
-    """z = z0 - g t^2 / 2 up to the impact, whose normal impulse is m sqrt(2 g z0), and which slows sliding by mu of it."""
+    """The height is z0 - g t^2 / 2 up to the impact, whose impulse is m sqrt(2 g z0), and which slows sliding by mu of it."""
     box = rbd.testing.box(mass=2.0)
     point = rbd.PointContact("centre", "box", friction=0.2, on=0.0)
     z0 = np.array([0.02, 0.05, 0.1, 0.2])
@@ -130,7 +130,8 @@ def random_tree(rng, free):
         kind = pin.JointModelFreeFlyer() if free and i == 0 else kinds[int(rng.integers(len(kinds)))]
         j = model.addJoint(parent, kind, pin.SE3.Random() if i else pin.SE3.Identity(), f"joint {i}")
         last = j
-        model.appendBodyToJoint(j, pin.Inertia(rng.uniform(0.2, 3.0), rng.uniform(-0.2, 0.2, 3), _inertia(rng)), pin.SE3.Identity())
+        inertia = pin.Inertia(rng.uniform(0.2, 3.0), rng.uniform(-0.2, 0.2, 3), _inertia(rng))
+        model.appendBodyToJoint(j, inertia, pin.SE3.Identity())
         model.addFrame(pin.Frame(f"body {i}", j, 0, pin.SE3.Identity(), pin.FrameType.BODY))
     model.armature = np.where(np.arange(model.nv) < 6 * free, 0.0, rng.uniform(0.0, 0.1, model.nv))
     return CheckedModel(model, name="tree")
