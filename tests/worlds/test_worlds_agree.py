@@ -36,7 +36,8 @@ def test_kicked_robots_move_as_in_simulate(name, exhaustive, record_property):
     median = np.median(found, axis=1)
     record_property("counted", f"{name}: {n} worlds, {int(stopped.sum())} stopped, differences {median}, {found.max(axis=1)}")
     assert median[1] < 0.4 * median[0]
-    assert (found[1] < np.maximum(found[0], 1e-4)).mean() >= 0.95
+    # of errors h U, with U of the phase in which events meet the steps even in 0 to 1, one in eight grows at a quarter of h
+    assert (found[1] < np.maximum(found[0], 1e-4)).mean() >= 0.85
 
 
 def test_convex_worlds_move_as_in_simulate():

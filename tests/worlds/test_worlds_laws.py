@@ -111,9 +111,9 @@ def test_a_joint_with_friction_or_damping_follows_its_closed_form():
     assert np.abs(worlds.v[:2, -1]).max() < 1e-12
     angle = 0.3 + 60.0 * t[0] - 0.5 * 2.5 * t[0] ** 2
     assert np.abs(worlds.q[2, :, 0] - np.cos(angle)).max() < 1e-9  # after nine turns
-    damped = rbd.simulate_many(start, [], duration=1.0, step=1e-2, damping={"axle": [0.0, 0.3, 2.0]})
-    exact = v0[:, 0] * np.exp(-np.array([0.0, 0.3, 2.0]) / 0.2)
-    assert np.abs(damped.v[:, -1, 0] - exact).max() < 60.0 * (0.01 * 10.0) ** 2 * 0.05
+    damped = rbd.simulate_many((wheel, start[1], v0 / 3.0), [], duration=1.0, step=1e-2, damping={"axle": [0.0, 0.3, 2.0]})
+    exact = v0[:, 0] / 3.0 * np.exp(-np.array([0.0, 0.3, 2.0]) / 0.2)
+    assert np.abs(damped.v[:, -1, 0] - exact).max() < 20.0 * (0.01 * 10.0) ** 2 * 0.05
 
 
 def random_tree(rng, free):
