@@ -237,7 +237,7 @@ def ended_step(
                     put(impulse, 3 * c, times(load(law.point, POINT * c + UNIT), three(law.best, 3 * c)))
     equation = equation_residual(tree, given, sites, active, count, starts, h, v, law, space)
     turn = load(law.merit, DEEP)
-    fine = above(equation, -1.0, above(turn, WILD, zero, one), zero) * (1.0 - failed)  # NaN anywhere is in the equation
+    fine = above(1.0, equation, above(turn, WILD, zero, one), zero) * (1.0 - failed)  # NaN anywhere is in the equation
     store(told, TURN, above(turn * fine * moves, load(told, TURN), turn, load(told, TURN)))
     lost = above(fine, 0.5, zero, moves)
     store(told, STOPPED, above(lost, 0.5, one * (number + 1.0), load(told, STOPPED)))
@@ -329,7 +329,7 @@ def advance_blocks(
         while whole[STEP] < steps:
             i = whole[STEP]
             if whole[PART] == 0 and begun_step(
-                tree, sites, ground, given, push_body, t + i * h, h, coulomb, q[b], v[b], before[b], impulse[b], told[b],
+                tree, sites, ground, given, push_body, (number + i) * h, h, coulomb, q[b], v[b], before[b], impulse[b], told[b],
                 room, law, whole,
             ):  # fmt: skip
                 whole[PART] = 1

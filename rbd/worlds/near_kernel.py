@@ -82,6 +82,17 @@ def of_site(tree: Tree, sites: Sites, s: int, work: Array, v: Array) -> tuple[Th
     return l, w
 
 
+@inlined
+def stop_at(given: Given, j: int, i: int, at: int, q: Array, v: Array, end: Array) -> tuple[Number, Number, Number, Number]:
+    """Of the nearer stop of a joint its gap, that gap's rate before and after the step, and whether it is the upper one."""
+    x, rate, last = load(q, at), load(v, i), load(end, i)
+    low, high = x - load(given.joint, JOINT * j + LOW), load(given.joint, JOINT * j + HIGH) - x
+    upper = above(low, high, 0.0 * rate + 1.0, 0.0 * rate)
+    return (
+        above(upper, 0.5, high, low), above(upper, 0.5, -rate, rate), above(upper, 0.5, -last, last), upper,
+    )  # fmt: skip
+
+
 @compiled
 def touched(
     tree: Tree, sites: Sites, ground: Ground, given: Given, h: float, q: Array, v: Array, before: Array, impulse: Array,
@@ -166,6 +177,20 @@ def touched(
             time = above(time, h * one, h * one, time)
             arrival = above(passes, 0.5, above(arrives, 0.5, above(arrival, time, time, arrival), time), arrival)
             arrives = above(passes, 0.5, one, arrives)
+    for s in range(len(sites.site)):
+        if sites.site[s, SIZE] != 1:
+            continue
+        j = sites.site[s, BODY] - free
+        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
+            if sites.single[c] == RUB:
+                continue
+            gap, u, last, _ = stop_at(given, j, 6 * free + j, 7 * free + j, q, v, space.end)
+            passes = above(-slow, u, one, zero) * above(-near, gap + half * (u + last), one, zero) * moves
+            passes = passes * above(gap, -near, one, zero)
+            time = above(gap, zero, gap / above(-u, TINY, -u, one), zero)
+            time = above(time, h * one, h * one, time)
+            arrival = above(passes, 0.5, above(arrives, 0.5, above(arrival, time, time, arrival), time), arrival)
+            arrives = above(passes, 0.5, one, arrives)
     left = above(h - arrival, 1e-3 * h, h - arrival, 1e-3 * h * one)
     for a in range(count):
         s = active[a]
@@ -194,7 +219,7 @@ def touched(
         l, j = sites.site[s, FIRST], sites.site[s, BODY] - free
         i, live = 6 * free + j, zero
         for c in range(l, l + sites.site[s, MANY]):
-            rate, end = load(v, i), load(space.end, i)
+            end = load(space.end, i)
             if sites.single[c] == RUB:
                 size = h * load(given.joint, JOINT * j + RUBS)
                 store(law.single, 8 * c, end)
@@ -202,20 +227,12 @@ def touched(
                 store(law.single, 8 * c + 2, size)
                 live = above(moves, 0.5, one, zero)
                 continue
-            at = load(q, 7 * free + j)
-            low, high = at - load(given.joint, JOINT * j + LOW), load(given.joint, JOINT * j + HIGH) - at
-            upper = above(low, high, one, zero)
-            gap = above(upper, 0.5, high, low)
-            u = above(upper, 0.5, -rate, rate)
+            gap, u, _, upper = stop_at(given, j, i, 7 * free + j, q, v, space.end)
             reach = h * (3.0 + 4.0 * above(u, zero, u, -u))
             near_stop = above(reach, gap, moves, zero)
             live = above(near_stop, 0.5, one, live)
-            last = above(upper, 0.5, -end, end)
-            passes = above(-slow, u, one, zero) * above(zero, gap + half * (u + last), one, zero) * near_stop
-            passes = passes * above(gap, -1e-6, one, zero)
-            time = above(gap, zero, gap / above(-u, TINY, -u, one), zero)
-            apart = above(gap, 1e-9, gap / h, SHARE * gap / h)
-            apart = above(passes, 0.5, zero, apart)
+            later = gap + arrival * u
+            apart = above(near, gap, SHARE * gap / h, above(later, zero, later, zero) / left)
             apart = above(-apart, 0.1, -0.1 * one, apart)
             store(law.single, 8 * c, end + above(upper, 0.5, -apart, apart))
             big = 1e30 * near_stop

@@ -17,6 +17,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.gauss_problem import Law
 from rbd.simulation.progress_bar import progress_of
+from rbd.worlds.beginning import begun, check_torques
 from rbd.worlds.stepping import EachWorld, Servo, WorldPushes, Worlds
 from rbd.worlds.trajectories import Trajectories
 
@@ -103,32 +104,25 @@ def simulate_many(
         raise InputError(
             f"controller is {controller!r:.80}; expected an rbd.worlds.Servo, or a function of t, q and v that gives torques."
         )
-    torques = None if tau is None else as_array("tau", tau)
-    if torques is not None and torques.ndim == 2 and len(torques) != 1 and q.ndim == 1:
-        q = np.broadcast_to(q, (len(torques), robot.nq))
     given: dict[str, Any] = dict(
-        step=step, law=law, controller=servo, friction=friction, mass=mass, gravity=gravity, ground=ground, damping=damping,
-        pushes=pushes, loops=loops,
+        states=(robot, q, v), contacts=contacts, tau=tau, every=every, step=step, law=law, controller=servo, friction=friction,
+        mass=mass, gravity=gravity, ground=ground, damping=damping, pushes=pushes, loops=loops,
     )  # fmt: skip
-    worlds = Worlds(robot, contacts, q, v, threads=threads, **given)
-    if torques is not None:
-        _check_torques("tau", torques, worlds)
-        own = np.zeros((1, robot.nu)) if servo is None else np.asarray(servo.torque, float)
-        worlds.drive(tau=torques + own)
+    worlds = begun(given, threads)
     kept = _Record(worlds, steps // stride + (steps % stride > 0) + 1)
     kept.add()
     with progress_of([0.0, duration], shown=progress) as shown:
         while worlds.steps < steps:
             if asked is not None and worlds.steps % every == 0:
                 found = as_array("torques of the controller", asked(worlds.t, worlds.q, worlds.v))
-                _check_torques(f"torques of the controller at t = {worlds.t:.6g} s", found, worlds)
+                check_torques(f"torques of the controller at t = {worlds.t:.6g} s", found, worlds)
                 worlds.drive(tau=found)
             ahead = min(stride - worlds.steps % stride, steps - worlds.steps, _MOST)
             worlds.advance(ahead if asked is None else min(ahead, every - worlds.steps % every))
             if worlds.steps % stride == 0 or worlds.steps == steps:
                 kept.add()
             shown(worlds.t)
-    done = kept.trajectories(dict(given, states=(robot, q, v), contacts=contacts, tau=tau, every=every), asked)
+    done = kept.trajectories(given, asked)
     if said := done.inaccurate:
         warnings.warn(said, InaccurateWarning, stacklevel=2)
     return done
@@ -154,17 +148,6 @@ def _begin(states: Begin) -> tuple[CheckedModel, Array, Array]:
         if not state.robot.is_like(robot):
             raise InputError(f"state {i} is of {state.robot.name}, the first of {robot.name}; expected one robot.")
     return robot, np.array([state.q for state in some]), np.array([state.v for state in some])
-
-
-def _check_torques(what: str, tau: Array, worlds: Worlds) -> None:
-    n, nu = worlds.n, worlds.robot.nu
-    if tau.shape not in ((nu,), (1, nu), (n, nu)):
-        raise InputError(f"{what} have shape {tau.shape}; expected ({n}, {nu}), one row a world.")
-    bad = np.flatnonzero(~np.isfinite(tau.reshape(-1, nu)).all(axis=1))
-    alive = worlds.stopped < 0
-    bad = bad[alive[bad]] if len(tau.reshape(-1, nu)) == n else bad
-    if len(bad):
-        raise InputError(f"{what} are not finite in world {bad[0]}; expected numbers.")
 
 
 class _Record:

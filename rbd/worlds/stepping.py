@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import KW_ONLY, dataclass
@@ -11,13 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.answers.many.states import Friction, ManyStates
-from rbd.arrays import Array, as_array, check_positive, check_whole
+from rbd.arrays import Array, as_array, check_flag, check_positive, check_whole
 from rbd.constraints.constraint import Constraint
 from rbd.control.schedules import Push
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.installation import cores
+from rbd.kernels import prepare
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.gauss_problem import Law
 from rbd.solvers.default import slip_law
@@ -151,6 +153,7 @@ class Worlds(Displayed):
         threads: int | None = 1,
         loops: bool = True,
     ) -> None:
+        prepare()  # fused multiplications and additions round otherwise than NumPy's: no first steps without them
         check_positive("step", step, 10.0, "s")
         given = ManyStates.of(robot, q, v, contacts, friction=friction, loops=loops)
         self.robot, self.step, self.coulomb = robot, float(step), slip_law(law).kind == "coulomb"
@@ -259,6 +262,21 @@ class Worlds(Displayed):
         k = len(self.touching.sites.arm)
         f = self._unpacked(self._impulse)[:, : 3 * k].reshape(self.n, k, 3) / self.step
         return np.asarray(f[:, np.argsort(self.touching.order)])
+
+    def only(self, world: int) -> Worlds:
+        """One of the worlds alone, as it is now: its steps are the same, bit by bit, as lanes do not depend on each other."""
+        out = copy.copy(self)
+        block, lane = divmod(world, LANES)
+
+        def cut(x: Array) -> Array:
+            return np.repeat(x[min(block, len(x) - 1)][None, :, lane, None], LANES, axis=2)
+
+        out.n, out.blocks, out._pool, out._spaces = 1, 1, None, [(self._spaces[0][0].copy(), self._spaces[0][1].copy())]
+        out._given = {name: cut(x) for name, x in self._given.items()}
+        out._q, out._v, out._before, out._impulse, out._told = map(
+            cut, (self._q, self._v, self._before, self._impulse, self._told)
+        )
+        return out
 
     def forget(self) -> None:
         """Begin anew with the largest residuals and depths."""
@@ -369,6 +387,7 @@ class Worlds(Displayed):
         named = {}
         if servo is not None:
             check_kind("controller", servo, Servo, "an rbd.worlds.Servo")
+            check_flag("limited of the servo", servo.limited)
             named = {rows.STIFF: ("stiffness", servo.stiffness), rows.DAMP: ("damping", servo.damping),
                      rows.TARGET: ("target", servo.target), rows.FEED: ("torque", servo.torque)}  # fmt: skip
         found = {row: tables.vectors(f"{name} of the servo", value, nu) for row, (name, value) in named.items()}
@@ -447,6 +466,8 @@ class _Tables:
 
     def take(self, what: str, n: int) -> None:
         """An argument for n worlds, or one for all."""
+        if n == 0:
+            raise InputError(f"{what} has no entries; give one for all worlds, or one a world.")
         if n == 1 or n == self.n:
             return
         if self.n != 1:

@@ -14,6 +14,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.motion.reference_motion import Motion
+from rbd.worlds.certificates import WorldCertificate, certificate
 
 ENOUGH = 1e-8
 """Scaled residual above which a world is flagged."""
@@ -102,9 +103,8 @@ class Trajectories(Displayed):
         Raises:
             InputError: no such world or sample, or the world had stopped.
         """
-        for what, value, n in (("world", world, len(self)), ("sample", sample, len(self.t))):
-            if not isinstance(value, int | np.integer) or not -n <= value < n:
-                raise InputError(f"{what} {value!r:.80} of {n}; expected a number from 0 to {n - 1}, or from -{n} to -1.")
+        self._check_number("world", world, len(self))
+        self._check_number("sample", sample, len(self.t))
         if not np.isfinite(self.q[world, sample]).all():
             raise InputError(f"world {world} stopped before step {self.stopped[world] + 1}, before sample {sample}.")
         return State(self.robot, self.q[world, sample], self.v[world, sample], t=float(self.t[sample]))
@@ -120,6 +120,32 @@ class Trajectories(Displayed):
         if known.sum() < 3:
             raise InputError(f"world {world} has {known.sum()} samples; expected 3 or more: simulate_many(..., record=10).")
         return Motion.of_arrays(self.robot, self.t[known], self.q[world, known], self.v[world, known], source=f"world {world}")
+
+    @staticmethod
+    def _check_number(what: str, value: int, n: int) -> None:
+        if not isinstance(value, int | np.integer) or not -n <= value < n:
+            raise InputError(f"{what} {value!r:.80} of {n}; expected a number from 0 to {n - 1}, or from -{n} to -1.")
+
+    def certify(self, world: int, *, every: int = 1) -> WorldCertificate:
+        """The certificate of a world: its steps, taken again, checked by Pinocchio and by the residuals of `rbd.solve`.
+
+        The world is simulated alone with its own arguments, and must meet its samples to the last bit. A controller that is a
+        function is asked once more, of all worlds, which are simulated with it. The steps of a world that stopped are checked
+        up to there.
+
+        Args:
+            world: Its number.
+            every: Steps between those that are checked.
+
+        Raises:
+            InputError: no such world, one whose state was no input, or other numbers than those of the samples.
+        """
+        self._check_number("world", world, len(self))
+        world %= len(self)
+        if world in self.refused:
+            raise InputError(f"world {world} has no steps: {self.refused[world]}")
+        steps = np.rint(self.t / self.given["step"]).astype(int)
+        return certificate(self.given, self.controller, int(world), (steps, self.q[world], self.v[world]), every)
 
     def __str__(self) -> str:
         worst = float(self.residual.max(initial=0.0))

@@ -13,6 +13,7 @@ Velocities of a base are those of its origin and of its turning, both in the wor
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from rbd.arrays import Array
@@ -67,10 +68,16 @@ class Tree(NamedTuple):
     free: int
 
 
+TURNS, TURN = 1.0 / (2.0 * math.pi), (2.0 * math.pi, 2.4492935982947064e-16)
+WHOLE = 1.5 * 2.0**52
+"""Added and taken away again, it rounds a number to a whole one. 2 pi is the sum of two numbers."""
+
+
 @inlined
 def sine_cosine(t: Number) -> tuple[Number, Number]:
-    """Sin t and cos t, to rounding for |t| up to 30: series at t/32, doubled five times."""
-    u = t * 0.03125
+    """Sin t and cos t, to rounding of t: series at a 32nd of t less whole turns, doubled five times."""
+    turns = (t * TURNS + WHOLE) - WHOLE
+    u = ((t - turns * TURN[0]) - turns * TURN[1]) * 0.03125
     g = u * u
     s = u * (1.0 + g * (-1.0 / 6.0 + g * (1.0 / 120.0 + g * (-1.0 / 5040.0 + g * (1.0 / 362880.0 - g * (1.0 / 39916800.0))))))
     c = g * (-0.5 + g * (1.0 / 24.0 + g * (-1.0 / 720.0 + g * (1.0 / 40320.0 - g * (1.0 / 3628800.0)))))
