@@ -1182,8 +1182,14 @@ CASES: dict[str, Case] = {
         20,
     ),
     "Worlds": Case(
-        lambda **given: (lambda worlds: (worlds.advance(2), worlds.q, worlds.v, worlds.residual)[1:])(rbd.worlds.Worlds(**given)),
+        lambda **given: (lambda worlds: (worlds.q, worlds.v, worlds.residual))(rbd.worlds.Worlds(**given)),
         {"robot": BOX, "contacts": FLOOR, "q": np.tile(BOX.at().q, (2, 1)), "v": np.zeros(6), "step": 0.005, "law": "convex"},
+        20,
+    ),
+    "motion_derivatives": Case(
+        lambda **given: (lambda found: found.q[np.isfinite(found.q)])(rbd.worlds.motion_derivatives(**given)),
+        {"state": BOX.at(), "contacts": FLOOR, "by": ("friction", "v"), "duration": 0.01, "step": 0.005, "size": 0.01}
+        | {"mass": 1.1, "gravity": np.array([0.0, 0.0, -9.0]), "ground": 0.0, "record": 1, "threads": 1},
         20,
     ),
     "TimeStepping": Case(
@@ -1717,6 +1723,9 @@ MADE_BY_RBD = {
     "Timing",
     "Answer",
     "Trajectory",
+    "Trajectories",
+    "MotionDerivatives",
+    "WorldCertificate",
     "AcceptedStep",
     "ContactTouch",
     "ControlLog",

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, check_positive
-from rbd.constraints.constraint import Constraint, has_friction
+from rbd.arrays import Array, as_finite, check_positive
+from rbd.constraints.constraint import Constraint, has_friction, listed, member
 from rbd.control.schedules import Push
 from rbd.displayed import Displayed
 from rbd.errors import InaccurateWarning, InputError
@@ -142,7 +142,7 @@ def motion_derivatives(
     q, v = np.tile(state.q, (n, 1)), np.tile(state.v, (n, 1))
     torques = np.tile(np.zeros(robot.nu) if tau is None else as_finite("tau", tau, (robot.nu,)), (n, 1))
     pulls = np.tile(robot.gravity if gravity is None else as_finite("gravity", gravity, (3,)), (n, 1))
-    factor, height, more = np.full(n, float(as_array("mass", mass))), np.full(n, float(as_array("ground", ground))), np.zeros(n)
+    factor, height, more = np.full(n, as_finite("mass", mass, ())), np.full(n, as_finite("ground", ground, ())), np.zeros(n)
     units = {"gravity": 9.81, "tau": robot.force_unit}
     widths = np.array([size * units.get(kind, 1.0) for kind, _, _ in names])
     for c, (kind, _, i) in enumerate(names):
@@ -154,7 +154,8 @@ def motion_derivatives(
                 {"v": v, "tau": torques, "gravity": pulls}[kind][at, i] += d
             else:
                 {"friction": more, "mass": factor, "ground": height}[kind][at] += d
-    own = {c.name: float(c.friction) for c in contacts if has_friction(c)} if "friction" in kinds else {}
+    with_friction = [c for c in listed(contacts) if has_friction(c)] if "friction" in kinds else []
+    own = {c.name: float(member(c, "friction")) for c in with_friction}
     for what, least in [
         ("mass", factor.min(initial=1.0)),
         *((f"friction of {x!r}", mu + more.min(initial=0.0)) for x, mu in own.items()),

@@ -40,7 +40,8 @@ def solve_hard_step(sites: Sites, space: Array, whole: Array, n: int, of: int, c
     ]
     problem = GaussProblem(np.eye(len(D)), np.zeros(len(D)), rows)
     try:
-        found = ConeSolver(law="coulomb" if coulomb else "convex").solve(problem)
+        with np.errstate(all="ignore"):
+            found = ConeSolver(law="coulomb" if coulomb else "convex").solve(problem)
     except RbdError:
         return
     taken_from(*sites, space, whole, n, of, coulomb, np.ascontiguousarray(found.multipliers, float))

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.answers.many.states import Friction
-from rbd.arrays import Array, as_array, check_positive, check_whole
+from rbd.arrays import Array, as_array, check_flag, check_positive, check_whole
 from rbd.constraints.constraint import Constraint
 from rbd.control.schedules import Push
 from rbd.errors import InaccurateWarning, InputError
@@ -17,6 +17,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.gauss_problem import Law
 from rbd.simulation.progress_bar import progress_of
+from rbd.simulation.run import MOST_STEPS
 from rbd.worlds.beginning import begun, check_torques
 from rbd.worlds.stepping import EachWorld, Servo, WorldPushes, Worlds
 from rbd.worlds.trajectories import Trajectories
@@ -74,7 +75,7 @@ def simulate_many(
         progress: Show a bar on a terminal where it takes long.
 
     Returns:
-        The motions, as arrays over worlds and samples.
+        The motions, as arrays over worlds and samples; after Ctrl-C those recorded until then, `trajectories.interrupted`.
 
     Raises:
         InputError: arrays of wrong sizes or not finite, torques of a controller that are; steps that are too long for a
@@ -94,13 +95,16 @@ def simulate_many(
     robot, q, v = _begin(states)
     check_positive("duration", duration, 1e9, "s")
     check_positive("step", step, 10.0, "s")
+    check_flag("progress", progress)
+    if duration / step > MOST_STEPS:
+        raise InputError(f"{duration:g} s by {step:g} s are {duration / step:.3g} steps; expected at most {MOST_STEPS:,}.")
     steps = round(duration / step)
     if abs(steps * step - duration) > 1e-9 * duration:
         raise InputError(f"a duration of {duration:g} s is {duration / step:.6g} steps of {step:g} s; expected a whole number.")
     every = check_whole("every", every, 10**9)
     stride = steps if record is None else min(check_whole("record", record, 10**9), steps)
     servo, asked = (controller, None) if isinstance(controller, Servo) else (None, controller)
-    if asked is not None and not callable(asked):
+    if asked is not None and (isinstance(asked, type) or not callable(asked)):
         raise InputError(
             f"controller is {controller!r:.80}; expected an rbd.worlds.Servo, or a function of t, q and v that gives torques."
         )
@@ -109,23 +113,38 @@ def simulate_many(
         mass=mass, gravity=gravity, ground=ground, damping=damping, pushes=pushes, loops=loops,
     )  # fmt: skip
     worlds = begun(given, threads)
-    kept = _Record(worlds, steps // stride + (steps % stride > 0) + 1)
+    kept, interrupted = _Record(worlds, steps // stride + (steps % stride > 0) + 1), False
     kept.add()
     with progress_of([0.0, duration], shown=progress) as shown:
-        while worlds.steps < steps:
-            if asked is not None and worlds.steps % every == 0:
-                found = as_array("torques of the controller", asked(worlds.t, worlds.q, worlds.v))
-                check_torques(f"torques of the controller at t = {worlds.t:.6g} s", found, worlds)
-                worlds.drive(tau=found)
-            ahead = min(stride - worlds.steps % stride, steps - worlds.steps, _MOST)
-            worlds.advance(ahead if asked is None else min(ahead, every - worlds.steps % every))
-            if worlds.steps % stride == 0 or worlds.steps == steps:
-                kept.add()
-            shown(worlds.t)
-    done = kept.trajectories(given, asked)
+        try:
+            while worlds.steps < steps:
+                if asked is not None and worlds.steps % every == 0:
+                    worlds.drive(tau=_torques(asked, worlds))
+                ahead = min(stride - worlds.steps % stride, steps - worlds.steps, _MOST)
+                worlds.advance(ahead if asked is None else min(ahead, every - worlds.steps % every))
+                if worlds.steps % stride == 0 or worlds.steps == steps:
+                    kept.add()
+                shown(worlds.t)
+        except KeyboardInterrupt:
+            if kept.at < 2:  # nothing was recorded
+                raise
+            interrupted = True
+    done = kept.trajectories(given, asked, interrupted)
     if said := done.inaccurate:
         warnings.warn(said, InaccurateWarning, stacklevel=2)
     return done
+
+
+def _torques(asked: Torques, worlds: Worlds) -> Array:
+    """What a controller wants now."""
+    what = f"the controller at t = {worlds.t:.6g} s"
+    try:
+        found = asked(worlds.t, worlds.q, worlds.v)
+    except Exception as error:  # a controller of the user can raise any exception
+        raise InputError(f"{what} failed: {type(error).__name__} was raised ({error!s:.300}).") from error
+    tau = as_array(f"torques of {what}", found)
+    check_torques(f"torques of {what}", tau, worlds)
+    return tau
 
 
 _MOST = 1_000
@@ -174,9 +193,10 @@ class _Record:
         self.points[:, i] = worlds.point_forces
         worlds.forget()
 
-    def trajectories(self, given: Mapping[str, Any], asked: Torques | None) -> Trajectories:
-        worlds = self.worlds
+    def trajectories(self, given: Mapping[str, Any], asked: Torques | None, interrupted: bool) -> Trajectories:
+        """What was recorded."""
+        worlds, n = self.worlds, self.at
         return Trajectories(
-            worlds.robot, self.t, self.q, self.v, self.residual, self.depth, self.turn, self.points, worlds.stopped,
-            worlds.rescued, dict(worlds.refused), worlds.touching.points, given, asked,
+            worlds.robot, self.t[:n], self.q[:, :n], self.v[:, :n], self.residual[:, :n], self.depth[:, :n], self.turn[:, :n],
+            self.points[:, :n], worlds.stopped, worlds.rescued, dict(worlds.refused), worlds.touching.points, given, asked, interrupted,
         )  # fmt: skip

@@ -160,7 +160,7 @@ class Worlds(Displayed):
         self.packed, start = Packed.of(robot), next((i for i in range(len(given)) if i not in given.refused), None)
         if start is None:
             given.refuse(0)
-        assert start is not None
+            raise InputError("there are no worlds: give one state or more, and arrays with one row or more.")
         self.touching = Touching.of(self.packed, given.constraints, given.state(start))
         tables = _Tables(len(given))
         tree, sites = self.packed.tree, self.touching.sites
@@ -392,7 +392,9 @@ class Worlds(Displayed):
                      rows.TARGET: ("target", servo.target), rows.FEED: ("torque", servo.torque)}  # fmt: skip
         found = {row: tables.vectors(f"{name} of the servo", value, nu) for row, (name, value) in named.items()}
         viscous = {}
-        for name, value in (damping or {}).items():
+        damping = {} if damping is None else damping
+        check_kind("damping", damping, Mapping, "{joint: damping}")
+        for name, value in damping.items():
             check_known("damping", name, self.packed.names)
             viscous[self.packed.names.index(name)] = tables.numbers(f"damping of {name!r:.80}", value)
         width = max([x.shape[-1] for x in (*found.values(), *viscous.values())], default=1)

@@ -42,6 +42,7 @@ class Trajectories(Displayed):
         contacts: {contact: its points}.
         given: The arguments.
         controller: The function of the torques, or None.
+        interrupted: Whether Ctrl-C ended the run before its duration.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -66,6 +67,7 @@ class Trajectories(Displayed):
     contacts: Mapping[str, slice]
     given: Mapping[str, Any] = field(repr=False)
     controller: Callable[..., Array] | None = field(repr=False)
+    interrupted: bool = False
 
     def __len__(self) -> int:
         return len(self.q)
