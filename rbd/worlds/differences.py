@@ -48,7 +48,7 @@ class MotionDerivatives(Displayed):
         >>> found = rbd.worlds.motion_derivatives(slides, [face], ("friction", "v"), duration=0.4, step=1e-3, size=0.01)
         >>> found["friction"][0][-1, 0].round(3), round(-1.0 / (2 * 0.5**2 * 9.81), 3)  # of v^2 / (2 mu g)
         (np.float64(-0.204), -0.204)
-        >>> found["v 0"][0][-1, 0].round(3), round(1.0 / (0.5 * 9.81), 3)
+        >>> found["v root_joint.vx"][0][-1, 0].round(3), round(1.0 / (0.5 * 9.81), 3)
         (np.float64(0.204), 0.204)
     """
 
@@ -128,6 +128,13 @@ def motion_derivatives(
 
     Raises:
         InputError: an unknown parameter, perturbations that make friction or mass negative, and as of `simulate_many`.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> falls = rbd.State(box, [0, 0, 1, 0, 0, 0, 1])
+        >>> found = rbd.worlds.motion_derivatives(falls, by=("gravity",), duration=0.2, step=1e-2)
+        >>> found["gravity z"][0][-1, 2].round(4)  # t^2 / 2
+        np.float64(0.02)
     """
     check_kind("state", state, State, "an rbd.State")
     check_positive("size", size, 1.0, "in units of each parameter")

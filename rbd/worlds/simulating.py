@@ -197,6 +197,7 @@ class _Record:
         """What was recorded."""
         worlds, n = self.worlds, self.at
         return Trajectories(
-            worlds.robot, self.t[:n], self.q[:, :n], self.v[:, :n], self.residual[:, :n], self.depth[:, :n], self.turn[:, :n],
-            self.points[:, :n], worlds.stopped, worlds.rescued, dict(worlds.refused), worlds.touching.points, given, asked, interrupted,
+            worlds.robot, self.t[:n], self.q[:, :n], self.v[:, :n], self.residual[:, :n], self.depth[:, :n],
+            self.turn[:, :n], self.points[:, :n], worlds.stopped, worlds.rescued, dict(worlds.refused),
+            worlds.touching.points, given, asked, interrupted,
         )  # fmt: skip
