@@ -41,8 +41,9 @@ def check_torques(what: str, tau: Array, worlds: Worlds) -> None:
     n, nu = worlds.n, worlds.robot.nu
     if tau.shape not in ((nu,), (1, nu), (n, nu)):
         raise InputError(f"{what} have shape {tau.shape}; expected ({n}, {nu}), one row a world.")
-    bad = np.flatnonzero(~np.isfinite(tau.reshape(-1, nu)).all(axis=1))
+    table = np.atleast_2d(tau)
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
     alive = worlds.stopped < 0
-    bad = bad[alive[bad]] if len(tau.reshape(-1, nu)) == n else bad
+    bad = bad[alive[bad]] if len(table) == n else bad
     if len(bad):
         raise InputError(f"{what} are not finite in world {bad[0]}; expected numbers.")

@@ -241,8 +241,8 @@ class _Check:
         points, depth, turning = self._contacts(start, end, v_h, frame, f, s)
         singles, law = self._singles(start, end, f, s), Law("coulomb" if one.coulomb else "convex")
         found: list[tuple[float, float]] = []
-        for some in points or [None]:
-            given = [*([] if some is None else [some]), *singles]
+        for some in [[part] for part in points] or [[]]:
+            given = [*some, *singles]
             problem = GaussProblem(M, force - h_w, [Rows(part.name, part.J, part.y - part.J @ a, part.cone) for part in given])
             forces = np.concatenate([np.zeros(0), *(part.f for part in given)])
             scaled = residuals_of(problem, a, forces, None, law).scaled

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_finite, check_positive
-from rbd.constraints.constraint import Constraint, has_friction
+from rbd.constraints.constraint import Constraint, has_friction, member
 from rbd.control.schedules import Push
 from rbd.displayed import Displayed
 from rbd.errors import InaccurateWarning, InputError
@@ -154,7 +154,10 @@ def motion_derivatives(
                 {"v": v, "tau": torques, "gravity": pulls}[kind][at, i] += d
             else:
                 {"friction": more, "mass": factor, "ground": height}[kind][at] += d
-    own = {c.name: float(c.friction) for c in contacts if has_friction(c)} if "friction" in kinds else {}
+    own: dict[str, float] = {}
+    for contact in contacts if "friction" in kinds else ():
+        if has_friction(contact) and isinstance(mu := member(contact, "friction"), float | int):
+            own[contact.name] = float(mu)
     for what, least in [
         ("mass", factor.min(initial=1.0)),
         *((f"friction of {x!r}", mu + more.min(initial=0.0)) for x, mu in own.items()),
