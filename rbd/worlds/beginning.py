@@ -41,7 +41,9 @@ def check_torques(what: str, tau: Array, worlds: Worlds) -> None:
     n, nu = worlds.n, worlds.robot.nu
     if tau.shape not in ((nu,), (1, nu), (n, nu)):
         raise InputError(f"{what} have shape {tau.shape}; expected ({n}, {nu}), one row a world.")
-    bad = np.flatnonzero(~np.isfinite(np.atleast_2d(tau)).all(axis=1))
-    bad = bad[worlds.stopped[bad] < 0] if tau.ndim == 2 and len(tau) == n else bad
+    table = np.atleast_2d(tau)
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    alive = worlds.stopped < 0
+    bad = bad[alive[bad]] if len(table) == n else bad
     if len(bad):
         raise InputError(f"{what} are not finite in world {bad[0]}; expected numbers.")

@@ -161,8 +161,10 @@ def motion_derivatives(
                 {"v": v, "tau": torques, "gravity": pulls}[kind][at, i] += d
             else:
                 {"friction": more, "mass": factor, "ground": height}[kind][at] += d
-    with_friction = [c for c in listed(contacts) if has_friction(c)] if "friction" in kinds else []
-    own = {c.name: float(member(c, "friction")) for c in with_friction}
+    own: dict[str, float] = {}
+    for contact in listed(contacts) if "friction" in kinds else ():
+        if has_friction(contact) and isinstance(mu := member(contact, "friction"), float | int):
+            own[contact.name] = float(mu)
     for what, least in [
         ("mass", factor.min(initial=1.0)),
         *((f"friction of {x!r}", mu + more.min(initial=0.0)) for x, mu in own.items()),
