@@ -19,7 +19,6 @@ from rbd.modules import of_extra
 from rbd.motion.reference_motion import Motion
 from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
-from rbd.statics.equilibrium import hold
 from rbd.worlds.stepping import Servo, WorldPushes, Worlds
 
 gymnasium: Any = of_extra("gymnasium", "envs")
@@ -65,7 +64,8 @@ class RobotVectorEnv(VectorEnv):
     """Many robots of one kind on their feet, with servos at their joints, as a vector environment of Gymnasium.
 
     Action: of each motor the offset of its target from the standing posture (or the motion) over `reach`, and where `torque`
-    is above zero as many torques, over `torque`; in [-1, 1], larger ones are cut off.
+    is above zero as many torques, over `torque`; in [-1, 1], larger ones are cut off. The torques that hold the posture, or
+    those of the motion by `rbd.check_motion`, are added.
 
     Observation: height of the base [m]; direction of gravity, velocity and angular velocity of the base, in its axes; offsets
     of the joints from the posture [rad, m], their velocities, the last action; of a motion also its angles and velocities now
@@ -159,15 +159,14 @@ class RobotVectorEnv(VectorEnv):
         self.mode = _mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.mode}
         standing, feet = robot.standing(), list(robot.feet() if contacts is None else contacts)
-        self.reference = Reference(robot, standing, motion, step * self.every)
+        self.reference = Reference(robot, standing, feet, motion, step * self.every)
         self.pushes = pushes or RandomPushes((0.0, 0.0))
         nothing, zeros = np.zeros((n, 3)), np.zeros(n)
         k = _stiffness(robot, standing.q, step) if stiffness is None else as_array("stiffness", stiffness)
         d = 0.03 * k if damping is None else as_array("damping", damping)
-        self.feed = hold(standing, feet).tau if motion is None else np.zeros(robot.nu)
         self.worlds = Worlds(
             robot, feet, np.tile(standing.q, (n, 1)), step=step, threads=threads, mass=zeros + 1.0,
-            controller=Servo(k, d, target=np.zeros((n, robot.nu)), torque=self.feed),
+            controller=Servo(k, d, target=np.zeros((n, robot.nu))),
             pushes=WorldPushes(self.pushes.frame or robot.model.names[1], nothing, start=zeros, duration=zeros),
         )  # fmt: skip
         self.num_envs, self.render_mode, self.spec, self.closed = n, None, None, False
@@ -224,9 +223,9 @@ class RobotVectorEnv(VectorEnv):
         nu, reference, before = self.robot.nu, self.reference, self._seen
         at = np.minimum(self._at + 1, reference.last)
         target = reference.angles[at][:, self.driven] + self.reach * action[:, :nu]
-        feed = self.feed + self.torque * action[:, nu:] if self.torque else self.feed
+        feed = reference.tau[at] + (self.torque * action[:, nu:] if self.torque else 0.0)
         change, self._action, self._at = action - self._action, action, at
-        worlds.drive(target=target, tau=feed if self.torque else None)
+        worlds.drive(target=target, tau=feed)
         worlds.forget()
         worlds.advance(self.every)
         self._taken += 1
@@ -235,8 +234,8 @@ class RobotVectorEnv(VectorEnv):
         q[stopped], v[stopped] = reference.q[at[stopped]], 0.0
         (k, d), motors = self.gains, self.driven
         tau = feed + k * (target - reference.angles_of(q)[:, motors]) - d * v[:, 6 + motors]
-        load = np.minimum(np.abs(tau) / self.robot.effort_limit, 1.0).max(axis=1)
-        terms = reference.terms(at, q, v, change, worlds, load)
+        used = np.minimum(np.abs(tau) / self.robot.effort_limit, 1.0).max(axis=1)
+        terms = reference.terms(at, q, v, change, worlds, used)
         self._seen = np.where(stopped[:, None], before, self._observation(q, v))
         upright = (gravity_in(q) * reference.gravity[at]).sum(axis=1)
         terminated = stopped | (q[:, 2] < self.lowest * reference.base[at, 2]) | (upright < self.least)
@@ -359,7 +358,8 @@ def check_range(what: str, value: object, least: float, most: float, unit: str) 
     """
     low, high = as_finite(what, value, (2,), meaning="least and greatest")
     if not least <= low <= high <= most:
-        raise InputError(f"{what} is {value!r:.80}; expected {least:g} <= least <= greatest <= {most:g}{unit and f' [{unit}]'}.")
+        within = f"{least:g} <= least <= greatest <= {most:g}{unit and f' [{unit}]'}"
+        raise InputError(f"{what} is {value!r:.80}; expected {within}.")
     return float(low), float(high)
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_finite
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.state import State
-from rbd.motion.contact_detection import find_contacts
+from rbd.motion.checking import check_motion
 from rbd.motion.reference_motion import Motion
 from rbd.robots.robot import Robot
+from rbd.statics.equilibrium import hold
 from rbd.worlds.stepping import Worlds
 
 CARRIES = 0.01
@@ -24,21 +28,29 @@ class Reference:
         base: Position and quaternion, shape (T, 7).
         angles: Of the joints, in the order of v, shape (T, nv - 6).
         v: Velocities, shape (T, nv).
-        touches: {foot: whether it touches, shape (T,)} of a motion; empty for a posture.
+        tau: Torques that hold the posture, or produce the motion by `rbd.check_motion`, shape (T, nu) [N m].
+        feet: {foot: (whether it touches, its normal load [N])}, each of shape (T,), of the motion by `rbd.check_motion`.
     """
 
-    def __init__(self, robot: Robot, standing: State, motion: Motion | None, dt: float) -> None:
+    def __init__(
+        self, robot: Robot, standing: State, contacts: Sequence[Constraint], motion: Motion | None, dt: float
+    ) -> None:  # fmt: skip
         self.robot, self.motion, self.height = robot, motion, float(standing.q[2])
         joints = robot.model.joints[2:]
         self._at, self._turns = np.array([j.idx_q for j in joints], int), np.array([j.nq == 2 for j in joints], bool)
-        q, v, self.touches = standing.q[None], np.zeros((1, robot.nv)), dict[str, Array]()
-        if motion is not None:
+        self.feet: dict[str, tuple[Array, Array]] = {}
+        if motion is None:
+            q, v, self.tau = standing.q[None], np.zeros((1, robot.nv)), hold(standing, contacts).tau[None]
+        else:
             check_kind("motion", motion, Motion, "an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1'), or None")
             if not motion.robot.is_like(robot):
                 raise InputError(f"motion is of {motion.robot.name}, and the robot {robot.name}; expected one robot.")
-            sampled = motion.resample(1.0 / dt)
-            q, v, found = sampled.q, sampled.v, find_contacts(sampled)
-            self.touches = {contact.name: found.of_contact(contact.name) for contact in found.contacts}
+            report = check_motion(motion.resample(1.0 / dt), self_collision=False, progress=False)
+            q, v, self.tau, found = report.motion.q, report.motion.v, report.tau, report.lanes
+            check_finite("the torques of the motion", self.tau)
+            for i, contact in enumerate(found.contacts):
+                own = found.points.group == i
+                self.feet[contact.name] = np.asarray(found.touches[:, own].any(axis=1)), report.forces[:, own, 2].sum(axis=1)
         self.q, self.base, self.v, self.angles = q, q[:, :7], v, self.angles_of(q)
         self.posture = self.angles_of(standing.q[None])[0]
         self.gravity = gravity_in(self.base)
@@ -56,7 +68,7 @@ class Reference:
             out[:, self._turns] = np.arctan2(q[:, own + 1], q[:, own])
         return out
 
-    def terms(self, at: Array, q: Array, v: Array, change: Array, worlds: Worlds, load: Array) -> dict[str, Array]:
+    def terms(self, at: Array, q: Array, v: Array, change: Array, worlds: Worlds, used: Array) -> dict[str, Array]:
         """What the reward is the mean of, each in [0, 1], shape (n,).
 
         Args:
@@ -65,7 +77,7 @@ class Reference:
             v: Velocities.
             change: Of the action since the last, shape (n, size).
             worlds: For the loads of the feet.
-            load: Greatest share of its limit that a motor gives, shape (n,).
+            used: Greatest share of its limit that a motor gives, shape (n,).
         """
         h, base, angles = self.height, self.base[at], self.angles[at]
         off = angles - self.angles_of(q)
@@ -82,12 +94,12 @@ class Reference:
             turned = 1.0 - (q[:, 3:7] * base[:, 3:7]).sum(axis=1) ** 2  # sin^2 of half the angle between them
             out["place"] = _near(np.linalg.norm(q[:, :2] - base[:, :2], axis=1) / h, 0.3)
             out["heading"] = np.exp(-10.0 * turned)
-            out["motors"] = np.exp(-5.0 * np.maximum(load - 0.8, 0.0))
-            least, forces = CARRIES * 9.81 * self.robot.mass, worlds.forces
-            feet = [name for name in self.touches if name in forces]
+            out["motors"] = np.exp(-5.0 * np.maximum(used - 0.8, 0.0))
+            weight, forces = 9.81 * self.robot.mass, worlds.forces
+            feet = [(forces[name], touches[at], load[at]) for name, (touches, load) in self.feet.items() if name in forces]
             if feet:
-                agree = [(np.linalg.norm(forces[name], axis=1) > least) == self.touches[name][at] for name in feet]
-                out["touches"] = np.mean(agree, axis=0)
+                out["touches"] = np.mean([(f[:, 2] > CARRIES * weight) == touches for f, touches, _ in feet], axis=0)
+                out["loads"] = _near(np.sum([np.abs(f[:, 2] - load) for f, _, load in feet], axis=0) / weight, 1.0)
         return out
 
 
