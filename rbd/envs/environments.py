@@ -14,7 +14,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
 from rbd.envs.rewards import Reference, gravity_in
 from rbd.errors import InputError
-from rbd.errors.inputs import check_kind, check_known
+from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.modules import of_extra
 from rbd.motion.reference_motion import Motion
 from rbd.robots.loading import load_robot
@@ -58,6 +58,7 @@ class RandomPushes(Displayed):
         check_range("speed", self.speed, 0.0, 1e3, "m/s")
         check_range("pause", self.pause, 0.0, 1e6, "s")
         check_positive("duration", self.duration, 1e3, "s")
+        check_kind("frame", self.frame, str | None, "the name of a frame, or None")
 
 
 class RobotVectorEnv(VectorEnv):
@@ -98,12 +99,18 @@ class RobotVectorEnv(VectorEnv):
         threads: How many; the numbers are the same, bit by bit.
         render_mode: None; worlds are drawn by `rbd.visual`.
 
+    Attributes:
+        worlds: The `rbd.worlds.Worlds` beneath, with q, v, forces of the feet and residuals.
+        forces: Of the next or present push of each world, shape (n, 3) [N].
+        times: When it begins and ends, on the clock `worlds.t`, shape (n, 2) [s].
+
     Raises:
         InputError: arguments out of range; a robot without floating base; a motion of another robot.
         ModelError: no feet are known.
         CannotHold: its motors cannot hold the standing posture.
 
     Example:
+        >>> import gymnasium
         >>> envs = gymnasium.make_vec("rbd/Stand-v0", num_envs=16, robot="solo12")
         >>> obs, info = envs.reset(seed=1)
         >>> obs, reward, terminated, truncated, info = envs.step(np.zeros((16, 12)))
@@ -158,7 +165,8 @@ class RobotVectorEnv(VectorEnv):
         self.least = np.cos(check_number("lean", lean, 0.01, np.pi, expected="an angle from 0.01 to pi"))
         self.mode = _mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.mode}
-        standing, feet = robot.standing(), list(robot.feet() if contacts is None else contacts)
+        standing = robot.standing()
+        feet = listed_items("contacts", robot.feet() if contacts is None else contacts, "a list of contacts")
         self.reference = Reference(robot, standing, feet, motion, step * self.every)
         self.pushes = pushes or RandomPushes((0.0, 0.0))
         nothing, zeros = np.zeros((n, 3)), np.zeros(n)
@@ -178,7 +186,7 @@ class RobotVectorEnv(VectorEnv):
         self.single_observation_space = box(-bound, bound, dtype=np.float32)
         self.single_action_space = box(-1.0, 1.0, (size,), np.float32)
         self.observation_space, self.action_space = many(self.single_observation_space, n), many(self.single_action_space, n)
-        self.forces, self._ends, self._action = nothing, zeros.copy(), np.zeros((n, size))
+        self.forces, self.times, self._action = nothing, np.zeros((n, 2)), np.zeros((n, size))
         self._taken, self._at, self._done, self._ready = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool), False
         self._seen = np.zeros((n, len(bound)), np.float32)
 
@@ -191,9 +199,12 @@ class RobotVectorEnv(VectorEnv):
             InputError: a seed that is no whole number from 0; unknown options; a mask of another shape.
         """
         super().reset(seed=None if seed is None else check_seed(seed))
-        for name in options or {}:
-            check_known("options of reset:", name, ["reset_mask"])
-        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
+        given = {} if options is None else options
+        check_kind("options", given, Mapping, "{\"reset_mask\": mask}, or None")
+        for name in given:
+            check_known("no option of reset is", name, ["reset_mask"])
+        mask = given.get("reset_mask", np.ones(self.num_envs, bool))
+        check_kind("reset_mask", mask, np.ndarray, f"an array of truth values, shape ({self.num_envs},)")
         if mask.shape != (self.num_envs,) or mask.dtype != bool:
             raise InputError(f"reset_mask has shape {mask.shape} of {mask.dtype}; expected ({self.num_envs},) of truth values.")
         if mask.all():
@@ -252,7 +263,7 @@ class RobotVectorEnv(VectorEnv):
             info["residual"][over], info["stopped"][over] = 0.0, False
             self._done[over] = False
             self._begin(np.flatnonzero(over))
-        self._push(np.flatnonzero(self._ends <= worlds.t))
+        self._push(np.flatnonzero(self.times[:, 1] <= worlds.t))
         return self._seen.copy(), reward, terminated, truncated, info
 
     def _finish(self, info: Info) -> None:
@@ -285,8 +296,8 @@ class RobotVectorEnv(VectorEnv):
         size, angle = draw.uniform(low, high, m) * self.robot.mass / self.pushes.duration, draw.uniform(0.0, 2.0 * np.pi, m)
         start = self.worlds.t + draw.uniform(*self.pushes.pause, m)
         self.forces[which] = size[:, None] * np.stack([np.cos(angle), np.sin(angle), np.zeros(m)], axis=1)
-        self._ends[which] = start + self.pushes.duration
-        self.worlds.vary(which, force=self.forces[which], start=start, end=self._ends[which])
+        self.times[which] = np.stack([start, start + self.pushes.duration], axis=1)
+        self.worlds.vary(which, force=self.forces[which], start=start, end=self.times[which, 1])
 
     def _observation(self, q: Array, v: Array) -> Array:
         reference, posture = self.reference, self.reference.posture
@@ -312,6 +323,7 @@ class RobotEnv(Env):
         options: The others of `RobotVectorEnv`.
 
     Example:
+        >>> import gymnasium
         >>> env = gymnasium.make("rbd/Stand-v0", robot="go2")
         >>> obs, info = env.reset(seed=1)
         >>> obs, reward, terminated, truncated, info = env.step(np.zeros(12, np.float32))
@@ -367,7 +379,7 @@ def _mode(value: Any) -> Any:
     """The mode of autoreset, or its name."""
     modes = gymnasium.vector.AutoresetMode
     for mode in modes:
-        if value in (mode, mode.value, mode.name):
+        if isinstance(value, str | modes) and value in (mode, mode.value, mode.name):
             return mode
     raise InputError(f"autoreset_mode is {value!r:.80}; expected one of {', '.join(mode.name for mode in modes)}.")
 
