@@ -87,8 +87,9 @@ class RobotVectorEnv(VectorEnv):
         every: Steps between actions.
         reach: Offset of a target at an action of 1 [rad, m].
         torque: Torque at an action of 1 [N m, N]; 0: there are none.
-        stiffness: Of the servos, a number or shape (nu,) [N m/rad]; None: weight times height, less where the step asks for it.
-        damping: Likewise [N m s/rad]; None: 0.03 s of the stiffness.
+        stiffness: Of the servos, a number or shape (nu,) [N m/rad]; None: weight times height, and at most I / step^2 with the
+            inertia I that the motor feels while all else is free.
+        damping: Likewise [N m s/rad]; None: 0.2 sqrt(height / g) of the stiffness, and at most I / step.
         friction: Least and greatest coefficient of all contacts, drawn at a reset; None: the contacts' own.
         mass: Least and greatest factor of all masses, drawn at a reset.
         speed: Greatest velocity of base and joints at a reset, each drawn [m/s, rad/s].
@@ -170,8 +171,11 @@ class RobotVectorEnv(VectorEnv):
         self.reference = Reference(robot, standing, feet, motion, step * self.every)
         self.pushes = pushes or RandomPushes((0.0, 0.0))
         nothing, zeros = np.zeros((n, 3)), np.zeros(n)
-        k = _stiffness(robot, standing.q, step) if stiffness is None else as_array("stiffness", stiffness)
-        d = 0.03 * k if damping is None else as_array("damping", damping)
+        alone = 1.0 / np.diag(pin.computeMinverse(robot.model, robot.model.createData(), standing.q))[robot.actuated]
+        height = float(standing.q[2])
+        k = np.minimum(9.81 * robot.mass * height, alone / step**2) if stiffness is None else as_array("stiffness", stiffness)
+        # stronger damping would turn a motor that is at its limit from one side to the other within a step
+        d = np.minimum(0.2 * np.sqrt(height / 9.81) * k, alone / step) if damping is None else as_array("damping", damping)
         self.worlds = Worlds(
             robot, feet, np.tile(standing.q, (n, 1)), step=step, threads=threads, mass=zeros + 1.0,
             controller=Servo(k, d, target=np.zeros((n, robot.nu))),
@@ -382,12 +386,6 @@ def _mode(value: Any) -> Any:
         if isinstance(value, str | modes) and value in (mode, mode.value, mode.name):
             return mode
     raise InputError(f"autoreset_mode is {value!r:.80}; expected one of {', '.join(mode.name for mode in modes)}.")
-
-
-def _stiffness(robot: Robot, q: Array, step: float) -> Array:
-    """Weight times height at each motor, and no more than a step can follow: 1 / step for the joint alone, all else free."""
-    inverse = pin.computeMinverse(robot.model, robot.model.createData(), q)
-    return np.minimum(9.81 * robot.mass * q[2], 1.0 / (np.diag(inverse)[robot.actuated] * step**2))
 
 
 TASKS: dict[str, dict[str, Any]] = {"Stand": {}, "PushRecovery": {"pushes": RandomPushes()}, "Track": {}}
