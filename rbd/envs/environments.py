@@ -172,10 +172,14 @@ class RobotVectorEnv(VectorEnv):
         self.pushes = pushes or RandomPushes((0.0, 0.0))
         nothing, zeros = np.zeros((n, 3)), np.zeros(n)
         alone = 1.0 / np.diag(pin.computeMinverse(robot.model, robot.model.createData(), standing.q))[robot.actuated]
-        height = float(standing.q[2])
-        k = np.minimum(9.81 * robot.mass * height, alone / step**2) if stiffness is None else as_array("stiffness", stiffness)
+        weight, fall = 9.81 * robot.mass, np.sqrt(self.reference.height / 9.81)
+        k = (
+            np.minimum(weight * self.reference.height, alone / step**2)
+            if stiffness is None
+            else as_array("stiffness", stiffness)
+        )
         # stronger damping would turn a motor that is at its limit from one side to the other within a step
-        d = np.minimum(0.2 * np.sqrt(height / 9.81) * k, alone / step) if damping is None else as_array("damping", damping)
+        d = np.minimum(0.2 * fall * k, alone / step) if damping is None else as_array("damping", damping)
         self.worlds = Worlds(
             robot, feet, np.tile(standing.q, (n, 1)), step=step, threads=threads, mass=zeros + 1.0,
             controller=Servo(k, d, target=np.zeros((n, robot.nu))),
@@ -204,7 +208,7 @@ class RobotVectorEnv(VectorEnv):
         """
         super().reset(seed=None if seed is None else check_seed(seed))
         given = {} if options is None else options
-        check_kind("options", given, Mapping, "{\"reset_mask\": mask}, or None")
+        check_kind("options", given, Mapping, '{"reset_mask": mask}, or None')
         for name in given:
             check_known("no option of reset is", name, ["reset_mask"])
         mask = given.get("reset_mask", np.ones(self.num_envs, bool))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rbd.arrays import Array, check_finite
+from rbd.arrays import Array, check_finite, check_positive
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -35,7 +35,8 @@ class Reference:
     def __init__(
         self, robot: Robot, standing: State, contacts: Sequence[Constraint], motion: Motion | None, dt: float
     ) -> None:  # fmt: skip
-        self.robot, self.motion, self.height = robot, motion, float(standing.q[2])
+        self.robot, self.motion = robot, motion
+        self.height = check_positive("the height of the base over the feet", float(standing.q[2]), 1e3, "m")
         joints = robot.model.joints[2:]
         self._at, self._turns = np.array([j.idx_q for j in joints], int), np.array([j.nq == 2 for j in joints], bool)
         self.feet: dict[str, tuple[Array, Array]] = {}

@@ -80,6 +80,17 @@ def test_standing_earns_nearly_all_and_a_fall_ends_the_episode():
     assert ((low | leans) == terminated).all()
 
 
+@pytest.mark.parametrize("name", ["g1", "talos"])
+def test_humanoids_stand_by_the_action_zero(name):
+    """Also where motors reach their limits: strong damping at a light wrist would shake it, and the robot over."""
+    envs = rbd.envs.RobotVectorEnv(name, 8, speed=0.2)
+    envs.reset(seed=1)
+    for _ in range(60):
+        reward, terminated = envs.step(np.zeros(envs.action_space.shape))[1:3]
+        assert not terminated.any()
+    assert reward.min() > 0.9
+
+
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_episodes_begin_anew(mode):
     """After the time limit: in the next step without reward, in the same step with `final_obs`, or by the mask alone."""
