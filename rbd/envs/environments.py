@@ -268,7 +268,8 @@ class RobotVectorEnv(VectorEnv):
             self._finish(info)
         elif self.mode == gymnasium.vector.AutoresetMode.NEXT_STEP and over.any():
             reward[over], terminated[over], truncated[over] = 0.0, False, False
-            info["residual"][over], info["stopped"][over] = 0.0, False
+            for value in (info["residual"], info["stopped"], *terms.values()):
+                value[over] = 0.0
             self._done[over] = False
             self._begin(np.flatnonzero(over))
         self._push(np.flatnonzero(self.times[:, 1] <= worlds.t))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+
 import gymnasium
 import numpy as np
 import pinocchio as pin
@@ -108,6 +111,7 @@ def test_episodes_begin_anew(mode):
     elif mode is AutoresetMode.NEXT_STEP:
         obs, reward, terminated, truncated, info = envs.step(10.0 + zero)
         assert (reward == 0.0).all() and not terminated.any() and not truncated.any() and (info["residual"] == 0.0).all()
+        assert not any(term.any() for term in info["reward"].values() if term.dtype == float)
         assert np.abs(obs[:, 34:]).max() == 0.0 and (obs != first).any()  # the action is ignored, the start is another
         assert envs.step(zero)[1].min() > 0.9
     else:
@@ -220,6 +224,14 @@ def test_bad_arguments_are_named(options, words):
         rbd.envs.RobotVectorEnv(**{"robot": SOLO, "num_envs": 2, **options})
 
 
+def test_without_gymnasium_the_extra_is_named(monkeypatch):
+    """The error says what to install."""
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    monkeypatch.delitem(sys.modules, "rbd.envs.environments")
+    with pytest.raises(rbd.InputError, match=r"rbd-contact\[envs\]"):
+        importlib.import_module("rbd.envs.environments")
+
+
 def test_bad_calls_are_named():
     """Steps before a reset, actions of another shape or not finite, seeds and options that are none."""
     envs = make(2)
@@ -229,10 +241,15 @@ def test_bad_calls_are_named():
         (lambda: envs.step(np.full((2, 12), np.nan)), "actions"),
         (lambda: envs.reset(seed=-1), "seed is -1"),
         (lambda: envs.reset(options={"mask": 1}), "mask"),
+        (lambda: envs.reset(options=3), "options is 3"),
+        (lambda: envs.reset(options={"reset_mask": [[1], [2, 3]]}), "reset_mask is"),
         (lambda: envs.reset(options={"reset_mask": np.ones(3, bool)}), "reset_mask has shape"),
         (lambda: envs.reset(options={"reset_mask": np.array([True, False])}), "first reset of all"),
         (lambda: rbd.envs.RandomPushes((1.0, 0.5)), "speed is"),
         (lambda: rbd.envs.RandomPushes(duration=0.0), "duration is 0"),
+        (lambda: rbd.envs.RandomPushes(frame=3), "frame is 3"),
+        (lambda: make(2, pushes=rbd.envs.RandomPushes(frame="trunk")), "trunk"),
+        (lambda: make(2, contacts=3), "contacts is 3"),
     ):
         with pytest.raises(rbd.InputError, match=words):
             call()
