@@ -125,6 +125,18 @@ def test_episodes_begin_anew(mode):
             envs.step(zero)
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_gymnasiums_wrappers_take_it(mode):
+    """Returns and lengths of episodes are counted, and info becomes a list, in each mode."""
+    envs = make(3, max_episode_steps=5, autoreset_mode=mode)
+    wrapped = gymnasium.wrappers.vector.DictInfoToList(gymnasium.wrappers.vector.RecordEpisodeStatistics(envs))
+    wrapped.reset(seed=1)
+    for _ in range(5):
+        info = wrapped.step(np.zeros((3, 12)))[-1]
+    assert [each["episode"]["l"] for each in info] == [5, 5, 5]
+    assert all(4.5 < each["episode"]["r"] <= 5.0 and each["residual"] < 1e-8 for each in info)
+
+
 def test_the_same_seed_gives_the_same_bits():
     """Twice in one environment, in another one, and on two threads; another seed gives others."""
     options = dict(pushes=HARD, friction=(0.4, 1.0), mass=(0.8, 1.2), max_episode_steps=15)
