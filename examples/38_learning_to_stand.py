@@ -116,7 +116,7 @@ def draw_curve(runs: list[Episode], before: Episode, after: Episode) -> None:
 def page(W: np.ndarray) -> Path:
     """The policy under pushes, and the servos alone beside it until they fall, under the same ones."""
     envs = environments(1, threads=1)
-    runs = [episode(envs, policy, 300, seed=7) for policy in (W, 0.0 * W)]
+    runs = [episode(envs, policy, 200, seed=7) for policy in (W, 0.0 * W)]
     motion, beside = (rbd.Motion.of_arrays(envs.robot, 0.02 * np.arange(len(r.q)), r.q, r.v, trust=True) for r in runs)
     given = {"external": runs[0].push, "beside": beside, "beside_external": runs[1].push, "title": "Solo12 under pushes"}
     return rbd.visual.export_motion(motion, "out/38_learning.html", **given)
