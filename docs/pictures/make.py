@@ -338,6 +338,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
+    "learning": partial(drawn, "learning", "38_learning_to_stand", 880, 453),
     "shakers": partial(drawn, "shakers", "36_shakers", 880, 500),
     "springs": partial(drawn, "springs", "31_springs", 880, 440),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),

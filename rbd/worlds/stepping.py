@@ -314,6 +314,38 @@ class Worlds(Displayed):
                     table
                 )
 
+    def vary(
+        self, which: Array, *, friction: Array | None = None, mass: Array | None = None, force: Array | None = None,
+        start: Array | None = None, end: Array | None = None,
+    ) -> None:  # fmt: skip
+        """Change what acts in some worlds from now on; what is None stays. Values are taken as they are.
+
+        Args:
+            which: Numbers of the m worlds.
+            friction: Coefficient of all their contacts, shape (m,).
+            mass: Factor of all their masses and inertias, in place of the one before, shape (m,).
+            force: Of the first push, in world axes, shape (m, 3) [N].
+            start: When it begins, shape (m,) [s].
+            end: When it ends, shape (m,) [s].
+        """
+        if friction is not None:
+            self._put("friction", np.arange(len(self.touching.friction)), which, friction[:, None])
+        if mass is not None:
+            inertia = self.packed.inertia.reshape(-1, rows.INERTIA)
+            own = np.arange(inertia.size).reshape(inertia.shape)[:, [0, *range(4, 10)]].ravel()
+            for name in ("inertia", "proof"):
+                self._put(name, own, which, mass[:, None] * inertia.ravel()[own])
+        for first, value in ((3, force), (9, start), (10, end)):
+            if value is not None:
+                columns = value.reshape(len(which), -1)
+                self._put("push", first + np.arange(columns.shape[1]), which, columns)
+
+    def _put(self, name: str, own: Array, which: Array, values: Array) -> None:
+        """Rows of a table in some worlds."""
+        self._given[name] = table = self._each(name)
+        table[which[:, None] // LANES, own, which[:, None] % LANES] = values
+        table[-1, :, (self.n - 1) % LANES + 1 :] = table[-1, :, (self.n - 1) % LANES, None]  # lanes that no world has
+
     def advance(self, steps: int = 1) -> None:
         """Take some steps."""
         parts = np.linspace(0, self.blocks, len(self._spaces) + 1).astype(int)

@@ -18,7 +18,7 @@ PACKAGES = tuple(
         *("dynamics", "constraints", "constraints.forces", "problem", "solvers", "answers.analysis", "answers.many"),
         *("robots", "model", "statics", "centroid", "control", "mechanism", "mechanism.small_motion", "simulation"),
         *("planning", "worlds", "audits", "audits.bench", "motion", "motion.identification", "studies", "planar", "visual"),
-        *("testing", "errors"),
+        *("envs", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
