@@ -48,7 +48,7 @@ class MotionDerivatives(Displayed):
         >>> found = rbd.worlds.motion_derivatives(slides, [face], ("friction", "v"), duration=0.4, step=1e-3, size=0.01)
         >>> found["friction"][0][-1, 0].round(3), round(-1.0 / (2 * 0.5**2 * 9.81), 3)  # of v^2 / (2 mu g)
         (np.float64(-0.204), -0.204)
-        >>> found["v 0"][0][-1, 0].round(3), round(1.0 / (0.5 * 9.81), 3)
+        >>> found["v root_joint.vx"][0][-1, 0].round(3), round(1.0 / (0.5 * 9.81), 3)
         (np.float64(0.204), 0.204)
     """
 
@@ -127,7 +127,14 @@ def motion_derivatives(
         threads: As of `simulate_many`.
 
     Raises:
-        InputError: an unknown parameter, perturbations that make friction or mass negative, and as of `simulate_many`.
+        UnknownName: a parameter that is none of these.
+        InputError: perturbations that make friction or mass negative, and as of `simulate_many`.
+
+    Example:
+        >>> falls = rbd.State(rbd.testing.box(mass=3.0), [0, 0, 1, 0, 0, 0, 1])
+        >>> found = rbd.worlds.motion_derivatives(falls, [], ["gravity"], duration=0.4, step=1e-2)
+        >>> found.names, found["gravity z"][0][-1, 2].round(6)  # t^2 / 2
+        (('gravity x', 'gravity y', 'gravity z'), np.float64(0.08))
     """
     check_kind("state", state, State, "an rbd.State")
     check_positive("size", size, 1.0, "in units of each parameter")
