@@ -41,6 +41,7 @@ from rbd.worlds.layout import (
     LEFT,
     LIMIT,
     MANY,
+    MOBILE,
     PART,
     POINT,
     PUSH,
@@ -105,11 +106,12 @@ def forces(tree: Tree, given: Given, push_body: Array, t: float, h: float, q: Ar
         o, i = JOINT * j, 6 * free + j
         k, d, limit = load(given.joint, o + STIFF), load(given.joint, o + DAMP), load(given.joint, o + LIMIT)
         still = load(given.joint, o + FEED) + k * (load(given.joint, o + TARGET) - load(space.x, 7 * free + j))
-        wanted = still - d * load(space.v, i)
+        rate, viscous = load(v, i), load(given.joint, o + VISCOUS)
+        # the torque in the middle of the step if nothing else moves the joint: a strong damper does not jump between its limits
+        wanted = (still - d * rate) / (1.0 + half * d * load(given.joint, o + MOBILE))
         low = above(-limit, wanted, 1.0 + 0.0 * k, 0.0 * k)
         high = above(wanted, limit, 1.0 + 0.0 * k, 0.0 * k)
         inside = 1.0 - low - high
-        rate, viscous = load(v, i), load(given.joint, o + VISCOUS)
         motor = above(inside, 0.5, still - d * rate, above(high, 0.5, limit, -limit))
         store(space.tau, j, motor - viscous * rate)
         store(space.damping, j, half * (viscous + inside * d))

@@ -33,7 +33,7 @@ from rbd.problem.residuals import residuals_of
 from rbd.problem.rows import Rows
 from rbd.worlds import layout as rows
 from rbd.worlds.beginning import begun, check_torques
-from rbd.worlds.near_kernel import SHARE
+from rbd.worlds.near_kernel import SHARE, SPEED
 from rbd.worlds.stepping import Worlds
 
 
@@ -259,8 +259,8 @@ class _Check:
             angle = start.x[7 * free + j] + 0.5 * h * start.v[i]
             still, d, limit = row[rows.FEED] + row[rows.STIFF] * (row[rows.TARGET] - angle), row[rows.DAMP], row[rows.LIMIT]
             mean = 0.5 * (start.v[i] + end[i])
-            inside = abs(still - d * v_h[i]) < limit
-            motor = still - d * mean if inside else np.copysign(limit, still - d * v_h[i])
+            wanted = (still - d * start.v[i]) / (1.0 + 0.5 * h * d * row[rows.MOBILE])
+            motor = still - d * mean if abs(wanted) < limit else np.copysign(limit, wanted)
             out[i] = motor - row[rows.VISCOUS] * mean
         R, x = frame.places
         for b, push in zip(self.one._push_bodies, self.table["push"].reshape(-1, rows.PUSH), strict=True):
@@ -294,10 +294,10 @@ class _Check:
             gap[c], normal[c] = best
         return gap, normal
 
-    def _apart(self, gap: Array, rate: Array, s: float) -> Array:
+    def _apart(self, gap: Array, rate: Array, s: float, most: Array | float = np.inf) -> Array:
         """Velocities that points have to be left or given: y_n = u_n + apart."""
         h, near = self.one.step, self.one.step**2 * float(np.linalg.norm(self.table["world"][:3])) + 1e-12
-        later = np.maximum(gap + s * rate, 0.0) / max(h - s, 1e-3 * h)
+        later = np.minimum(np.maximum(gap + s * rate, 0.0) / max(h - s, 1e-3 * h), most)
         return np.where(gap < near, np.maximum(SHARE * gap / h, -0.1), later)
 
     def _contacts(
@@ -332,7 +332,7 @@ class _Check:
             slides[:] = False
         E = np.array([_axes(z) for z in n])
         J = (E @ (of[:, :3] + np.cross(of[:, 3:], P[:, :, None], axis=1))).reshape(3 * k, self.nv)
-        y = u + self._apart(now, rate, s)[:, None] * n
+        y = u + self._apart(now, rate, s, SPEED + 4.0 * np.abs(rate))[:, None] * n
         f = np.einsum("cij,cj->ci", E, force[: 3 * k].reshape(k, 3)).ravel()
         cone = Product([FrictionCone(float(mu)) for mu in self.table["friction"]])
         live = now < h * (3.0 + 2.0 * np.linalg.norm(middle, axis=1))

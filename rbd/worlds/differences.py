@@ -127,14 +127,14 @@ def motion_derivatives(
         threads: As of `simulate_many`.
 
     Raises:
-        InputError: an unknown parameter, perturbations that make friction or mass negative, and as of `simulate_many`.
+        UnknownName: a parameter that is none of these.
+        InputError: perturbations that make friction or mass negative, and as of `simulate_many`.
 
     Example:
-        >>> box = rbd.testing.box(mass=10.0)
-        >>> falls = rbd.State(box, [0, 0, 1, 0, 0, 0, 1])
-        >>> found = rbd.worlds.motion_derivatives(falls, by=("gravity",), duration=0.2, step=1e-2)
-        >>> found["gravity z"][0][-1, 2].round(4)  # t^2 / 2
-        np.float64(0.02)
+        >>> falls = rbd.State(rbd.testing.box(mass=3.0), [0, 0, 1, 0, 0, 0, 1])
+        >>> found = rbd.worlds.motion_derivatives(falls, [], ["gravity"], duration=0.4, step=1e-2)
+        >>> found.names, found["gravity z"][0][-1, 2].round(6)  # t^2 / 2
+        (('gravity x', 'gravity y', 'gravity z'), np.float64(0.08))
     """
     check_kind("state", state, State, "an rbd.State")
     check_positive("size", size, 1.0, "in units of each parameter")

@@ -38,6 +38,8 @@ from rbd.worlds.tree_kernel import ROWS, C, P, R, S, Tree, V
 
 MOBILITY = 3.0
 """Of each scaled point: between fewest steps of points that slide, 1, and of those that strike, 10."""
+SPEED = 10.0
+"""With four times its own: the largest speed [m/s] with which an open point may be allowed to approach."""
 SHARE = 0.5
 """Part of a gap that a closed point loses a step."""
 
@@ -202,6 +204,9 @@ def touched(
             back = above(-back, 0.1, -0.1 * one, back)
             later = gap + arrival * u
             later = above(later, zero, later, zero) / left
+            # no more than any speed that a point may have: the largest offset is the scale of what Newton's method leaves
+            fast = SPEED + 4.0 * above(u, zero, u, -u)
+            later = above(later, fast, fast, later)
             apart = above(closed, 0.5, back, later)
             shift = times(closed * (1.0 - arrives), shift)
             put(law.point, POINT * c + SHIFT, shift)

@@ -167,6 +167,7 @@ class Worlds(Displayed):
         n, free, k, l = len(tree.parent), tree.free, len(sites.arm), len(sites.single)
         joint = np.zeros((n - free, rows.JOINT, 1))
         joint[:, rows.LIMIT], joint[:, rows.LOW], joint[:, rows.HIGH] = np.inf, -np.inf, np.inf
+        joint[:, rows.MOBILE, 0] = np.diag(pin.computeMinverse(robot.model, robot.model.createData(), given.q[start]))[6 * free :]
         for b, (low, high, rubs) in self.touching.joints.items():
             joint[b - free, [rows.LOW, rows.HIGH, rows.RUBS], 0] = low, high, rubs
         masses = self._masses(tables, mass)
@@ -475,14 +476,8 @@ class Worlds(Displayed):
         """Refuse a step that is too long for the servo: of each joint alone, with all else free."""
         if servo is None:
             return
-        i = np.flatnonzero(self.stopped < 0)[:1]
-        if not len(i):
-            return
-        data = self.robot.model.createData()
-        inverse = pin.computeMinverse(self.robot.model, data, self.q[i[0]])
-        mobility = np.diag(np.triu(inverse) + np.triu(inverse, 1).T)[self.robot.actuated]
-        k = self._given["joint"].reshape(len(self._given["joint"]), -1, rows.JOINT, LANES)[:, self.packed.driven, rows.STIFF]
-        speed = self.step * np.sqrt(np.maximum(k.max(axis=(0, 2)) * mobility, 0.0))
+        joint = self._given["joint"].reshape(len(self._given["joint"]), -1, rows.JOINT, LANES)[:, self.packed.driven]
+        speed = self.step * np.sqrt(joint[:, :, rows.STIFF].max(axis=(0, 2)) * joint[0, :, rows.MOBILE, 0])
         worst = int(speed.argmax()) if len(speed) else 0
         if len(speed) and speed[worst] > FASTEST:
             raise InputError(
