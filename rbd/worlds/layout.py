@@ -7,8 +7,8 @@ from typing import NamedTuple
 from rbd.arrays import Array
 
 STIFF, DAMP, TARGET, FEED, LIMIT, VISCOUS, RUBS, LOW, HIGH, MOBILE = range(10)
-"""Rows of a joint: gains, target, torque and limit of its motor; damping, dry friction and range of the joint; and about how much
-a torque accelerates it, its entry of the diagonal of M^-1 at the beginning."""
+"""Rows of a joint: gains, target, torque and limit of its motor; damping, dry friction and range of the joint; and about how
+much a torque accelerates it, its entry of the diagonal of M^-1 at the beginning."""
 JOINT = 10
 RUB, STOP = 0, 1
 """What a single row is: dry friction of its joint, or a stop."""

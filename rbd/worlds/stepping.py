@@ -167,7 +167,8 @@ class Worlds(Displayed):
         n, free, k, l = len(tree.parent), tree.free, len(sites.arm), len(sites.single)
         joint = np.zeros((n - free, rows.JOINT, 1))
         joint[:, rows.LIMIT], joint[:, rows.LOW], joint[:, rows.HIGH] = np.inf, -np.inf, np.inf
-        joint[:, rows.MOBILE, 0] = np.diag(pin.computeMinverse(robot.model, robot.model.createData(), given.q[start]))[6 * free :]
+        inverse = pin.computeMinverse(robot.model, robot.model.createData(), given.q[start])
+        joint[:, rows.MOBILE, 0] = np.diag(inverse)[6 * free :]
         for b, (low, high, rubs) in self.touching.joints.items():
             joint[b - free, [rows.LOW, rows.HIGH, rows.RUBS], 0] = low, high, rubs
         masses = self._masses(tables, mass)

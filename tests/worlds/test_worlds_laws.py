@@ -179,3 +179,12 @@ def test_accelerations_of_random_trees_are_those_of_aba(free, exhaustive):
             full[robot.actuated] = tau[i]
             exact = pin.aba(model, data, middle, rates, full)
             assert np.abs(found - exact).max() < 1e-9 * max(1.0, np.abs(exact).max())
+
+
+def test_a_strong_damper_does_not_jump_between_the_limits_of_its_motor():
+    """G1 stands by servos that damp ten times as much as is critical for a step; it fell."""
+    g1 = rbd.load_robot("g1")
+    standing, feet = g1.standing(), g1.feet()
+    servo = rbd.worlds.Servo(200.0, 40.0, target=standing.q[7:], torque=rbd.hold(standing, feet).tau)
+    worlds = rbd.simulate_many(standing, feet, duration=0.4, step=2e-3, controller=servo)
+    assert np.abs(worlds.v[0, -1]).max() < 1e-9 and abs(worlds.q[0, -1, 2] - standing.q[2]) < 1e-9
