@@ -13,7 +13,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")
 
 @pytest.mark.parametrize("name", ["solo12", "go2", "g1", "talos", "leg"])
 def test_steps_of_random_worlds_are_right(name, exhaustive, record_property):
-    """The equation of motion to rounding; the law to 1e-6 of each point's terms, 1e-10 of the largest velocity."""
+    """The equation of motion to rounding; the law to 1e-9 of the largest terms, 1e-5 of each point's own."""
     n = 500 if exhaustive else 2
     robot, contacts, q, v, tau, mu = drawn(name, n, 17)
     worlds = rbd.simulate_many((robot, q, v), contacts, duration=0.04, step=1e-3, tau=tau, friction=mu, record=10)
@@ -27,7 +27,7 @@ def test_steps_of_random_worlds_are_right(name, exhaustive, record_property):
         f"depth {depth:.1e} m, turning {turning:.1e} m/s",
     )  # fmt: skip
     assert equation < 1e-9 and path < 1e-9
-    assert law < 1e-6
+    assert law < 1e-5  # Newton's method leaves 1e-9: 2e-6 N at a corner beside 900 N, over the least scale of a force, 1 N
     assert abs(depth - worlds.depth[some].max()) < 1e-9
 
 
