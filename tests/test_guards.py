@@ -280,6 +280,7 @@ def use_plot(ax: Any, uniqueness: Any) -> Any:
 
 
 FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5)]
+ON_FLOOR = [rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)]
 REGION = rbd.statics.support_region(BOX.at(), FLOOR)
 
 
@@ -1161,7 +1162,7 @@ CASES: dict[str, Case] = {
     ),
     "simulate_many": Case(
         use_worlds,
-        {"states": BOX.at(), "contacts": FLOOR, "duration": 0.01, "step": 0.005, "tau": np.zeros(0), "controller": None}
+        {"states": BOX.at(), "contacts": ON_FLOOR, "duration": 0.01, "step": 0.005, "tau": np.zeros(0), "controller": None}
         | {"every": 1, "law": "coulomb", "friction": 0.5, "mass": {"box": 1.5}, "gravity": np.array([0.0, 0.0, -9.0])}
         | {"ground": np.zeros(2), "damping": {}, "pushes": (), "record": 1, "threads": 1, "progress": False},
         30,
@@ -1175,7 +1176,7 @@ CASES: dict[str, Case] = {
     ),
     "WorldPushes": Case(
         lambda **given: use_worlds(
-            states=BOX.at(), contacts=FLOOR, duration=0.01, step=0.005, pushes=rbd.worlds.WorldPushes(**given)
+            states=BOX.at(), contacts=ON_FLOOR, duration=0.01, step=0.005, pushes=rbd.worlds.WorldPushes(**given)
         ),
         {"frame": "box", "force": np.ones((2, 3)), "start": 0.0, "duration": np.ones(2), "moment": np.zeros(3)}
         | {"offset": np.zeros(3)},
@@ -1183,12 +1184,19 @@ CASES: dict[str, Case] = {
     ),
     "Worlds": Case(
         lambda **given: (lambda worlds: (worlds.q, worlds.v, worlds.residual))(rbd.worlds.Worlds(**given)),
-        {"robot": BOX, "contacts": FLOOR, "q": np.tile(BOX.at().q, (2, 1)), "v": np.zeros(6), "step": 0.005, "law": "convex"},
+        {
+            "robot": BOX,
+            "contacts": ON_FLOOR,
+            "q": np.tile(BOX.at().q, (2, 1)),
+            "v": np.zeros(6),
+            "step": 0.005,
+            "law": "convex",
+        },
         20,
     ),
     "motion_derivatives": Case(
         lambda **given: (lambda found: found.q[np.isfinite(found.q)])(rbd.worlds.motion_derivatives(**given)),
-        {"state": BOX.at(), "contacts": FLOOR, "by": ("friction", "v"), "duration": 0.01, "step": 0.005, "size": 0.01}
+        {"state": BOX.at(), "contacts": ON_FLOOR, "by": ("friction", "v"), "duration": 0.01, "step": 0.005, "size": 0.01}
         | {"mass": 1.1, "gravity": np.array([0.0, 0.0, -9.0]), "ground": 0.0, "record": 1, "threads": 1},
         20,
     ),

@@ -1,4 +1,8 @@
-"""Steps of single worlds that Newton's method does not solve: by `rbd.ConeSolver`, and Newton's method from there."""
+"""Steps of single worlds that Newton's method does not solve: by `rbd.ConeSolver`, and Newton's method from there.
+
+That solves symmetric problems, in which forces act where points are at the end of the step. If Newton's method does not lead
+from there to the problem with forces in the middle of the step, the answer is that one: another by the order of the step.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from rbd.problem.cones import Bounds, FrictionCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.admm import ConeSolver
+from rbd.worlds.contact_kernel import FOUND
 from rbd.worlds.rescue_kernel import left_problem, taken_from
 from rbd.worlds.sites_kernel import Sites
 
@@ -44,4 +49,6 @@ def solve_hard_step(sites: Sites, space: Array, whole: Array, n: int, of: int, c
             found = ConeSolver(law="coulomb" if coulomb else "convex").solve(problem)
     except RbdError:
         return
-    taken_from(*sites, space, whole, n, of, coulomb, np.ascontiguousarray(found.multipliers, float))
+    guess = np.ascontiguousarray(found.multipliers, float)
+    if taken_from(*sites, space, whole, n, of, coulomb, guess, False) > FOUND:
+        taken_from(*sites, space, whole, n, of, coulomb, guess, True)

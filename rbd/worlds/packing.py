@@ -16,7 +16,7 @@ from rbd.constraints.contact_points import sources_of
 from rbd.constraints.ground_points import PlanePoints
 from rbd.constraints.joint import JointFriction, JointLimit
 from rbd.constraints.terrain.terrain import Terrain
-from rbd.errors import Unsupported
+from rbd.errors import InputError, Unsupported
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.worlds.layout import RUB, STOP, Ground
@@ -145,6 +145,7 @@ class Touching:
         """That of some constraints.
 
         Raises:
+            InputError: a contact without a plane.
             Unsupported: others than contacts with friction on ground at rest, joint limits and dry friction, by name.
         """
         robot, joints, singles = packed.robot, dict[int, tuple[float, float, float]](), list[tuple[int, int]]()
@@ -171,6 +172,11 @@ class Touching:
         faces, begins, known = list[Array](), [0], dict[int, tuple[int, int]]()
         points, at = dict[str, slice](), 0
         for contact in contacts:
+            if contact.on is None and contact.anchor is None:
+                raise InputError(
+                    f"{contact.name!r:.80} has no plane: it would touch where it is, in each world at another height. Give "
+                    "on=0.0, or the ground on which it stands."
+                )
             joint, X = robot.site(contact.frame)
             if joint == 0:
                 raise Unsupported(f"{contact.name!r:.80} is fixed to the world; simulate_many takes contacts of moving bodies.")

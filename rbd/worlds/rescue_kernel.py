@@ -167,11 +167,17 @@ def _left_problem(
 
 def _taken_from(
     site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
-    space: Array, whole: Array, n: int, of: int, coulomb: bool, guess: Array,
+    space: Array, whole: Array, n: int, of: int, coulomb: bool, guess: Array, at_end: bool,
 ) -> float:  # fmt: skip
-    """The merit of the impulses of a lane, found from a guess; taken where that is good enough."""
+    """The merit of the impulses of a lane, found from a guess; taken where that is good enough.
+
+    With `at_end` they act where the points are at the end of the step, which makes the problem symmetric.
+    """
     sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
     law, w = law_in(space, sites, n), np.zeros(len(guess))
+    for c in range(len(arm) if at_end else 0):
+        for r in range(3):
+            put_lane(law.point, POINT * c + ARM + r, of, lane(law.point, POINT * c + FELT + r, of))
     problem, axes, whose = problem_of(
         sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
     )
@@ -198,7 +204,7 @@ left_problem = compiled(
 )  # fmt: skip
 taken_from = compiled(
     _taken_from,
-    signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1)),
+    signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1), FLAG),
 )
 rescue_alone = compiled(rescue_block)
 """For arrays without lanes."""

@@ -109,7 +109,7 @@ class Worlds(Displayed):
         law: "coulomb" or "convex".
         controller: A `Servo`, or None.
         friction: Coefficients in place of the contacts' own, as of `rbd.solve_many`.
-        mass: Factor of all masses and inertias, a number or (n,), or {link: factor} of some.
+        mass: Factor of all masses and inertias, a number or (n,); or {link: factor}, with what is fixed to the link.
         gravity: Shape (3,) or (n, 3) [m/s2]; None: the robot's.
         ground: Height added to all ground, a number or (n,) [m].
         damping: {joint: viscous damping, a number or (n,)} [N s/m, N m s/rad].
@@ -399,7 +399,9 @@ class Worlds(Displayed):
             return inertia
         model = self.robot.model
         bodies = {name: j - 1 for j, name in enumerate(model.names) if j}
-        bodies |= {f.name: f.parentJoint - 1 for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint}
+        for frame in model.frames:  # links that move: those that are fixed to others have no masses of their own
+            if frame.type == pin.FrameType.BODY and model.frames[frame.parentFrame].type == pin.FrameType.JOINT:
+                bodies[frame.name] = frame.parentJoint - 1
         given = mass if isinstance(mass, Mapping) else {name: mass for j, name in enumerate(model.names) if j}
         factors = np.ones((len(inertia), 1))
         for name, factor in given.items():
