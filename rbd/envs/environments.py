@@ -61,7 +61,7 @@ class RandomPushes(Displayed):
         check_kind("frame", self.frame, str | None, "the name of a frame, or None")
 
 
-class RobotVectorEnv(VectorEnv):
+class RobotVectorEnv(Displayed, VectorEnv):
     """Many robots of one kind on their feet, with servos at their joints, as a vector environment of Gymnasium.
 
     Action: of each motor the offset of its target from the standing posture (or the motion) over `reach`, and where `torque`
@@ -322,7 +322,7 @@ class RobotVectorEnv(VectorEnv):
         return found | {f"_{name}": all_of_them.copy() for name in found}
 
 
-class RobotEnv(Env):
+class RobotEnv(Displayed, Env):
     """One robot on its feet as an environment of Gymnasium: `RobotVectorEnv` of one world, without autoreset.
 
     Args:
