@@ -186,7 +186,7 @@ def begun_step(
     for i in range(nv):
         store(space.end, i, load(v, i) + h * load(space.acc, i))
     store(law.merit, DEEP, load(told, DEPTH))
-    count, arrival, arrives = touched(tree, sites, ground, given, h, q, v, before, impulse, moves, space, law, active)
+    count, arrival, arrives = touched(tree, sites, ground, given, h, q, v, impulse, moves, space, law, active)
     whole[HOW_MANY], whole[HOW_WIDE] = count, 0
     store(told, DEPTH, load(law.merit, DEEP))
     store(law.merit, ARRIVAL, arrival)

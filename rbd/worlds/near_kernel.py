@@ -95,10 +95,37 @@ def stop_at(given: Given, j: int, i: int, at: int, q: Array, v: Array, end: Arra
     )  # fmt: skip
 
 
+@inlined
+def arriving(
+    gap: Number, u: Number, last: Number, live: Number, h: float, near: Number, slow: Number, arrival: Number, arrives: Number
+) -> tuple[Number, Number]:  # fmt: skip
+    """When something first arrives in the step, and whether something does, with one more: a point, or a joint at a stop.
+
+    It arrives if it is above its surface or just on it, approaches faster than `slow`, and would be below at the end.
+
+    Args:
+        gap: Its distance.
+        u: Rate of that at the beginning of the step.
+        last: Rate at its end, without impulses.
+        live: Whether it counts.
+        h: Length of the step [s].
+        near: Gaps up to this are of closed points [m].
+        slow: Speeds up to this are no arrivals [m/s].
+        arrival: When the first of the others does.
+        arrives: Whether one of them does.
+    """
+    passes = above(-slow, u, live, 0.0 * live) * above(-near, gap + 0.5 * h * (u + last), live, 0.0 * live)
+    passes = passes * above(gap, -near, live, 0.0 * live)
+    time = above(gap, 0.0 * gap, gap / above(-u, TINY, -u, 1.0 + 0.0 * u), 0.0 * gap)
+    time = above(time, h + 0.0 * time, h + 0.0 * time, time)
+    first = above(arrives, 0.5, above(arrival, time, time, arrival), time)
+    return above(passes, 0.5, first, arrival), above(passes, 0.5, 1.0 + 0.0 * arrives, arrives)
+
+
 @compiled
 def touched(
-    tree: Tree, sites: Sites, ground: Ground, given: Given, h: float, q: Array, v: Array, before: Array, impulse: Array,
-    moves: Number, space: Space, law: Law, active: Array,
+    tree: Tree, sites: Sites, ground: Ground, given: Given, h: float, q: Array, v: Array, impulse: Array, moves: Number,
+    space: Space, law: Law, active: Array,
 ) -> tuple[int, Number, Number]:  # fmt: skip
     """Write what is near a surface and how it moves: (sites, time of the step at which one arrives, whether one does)."""
     work, half, count, zero, one, free = space.work, 0.5 * h, 0, spread(v, 0.0), spread(v, 1.0), tree.free
@@ -171,14 +198,8 @@ def touched(
             )
             put(law.point, POINT * c + SHIFT, times(slides, shift))
             store(law.point, POINT * c + GAP, u)
-            # arrival: the point is above its surface, or just on it, approaches, and would be below at the end
             live = 1.0 - load(law.point, POINT * c + IDLE)
-            passes = above(-slow, u, one, zero) * above(-near, gap + half * (u + dot(n, end)), one, zero) * live
-            passes = passes * above(gap, -near, one, zero)
-            time = above(gap, zero, gap / above(-u, TINY, -u, one), zero)
-            time = above(time, h * one, h * one, time)
-            arrival = above(passes, 0.5, above(arrives, 0.5, above(arrival, time, time, arrival), time), arrival)
-            arrives = above(passes, 0.5, one, arrives)
+            arrival, arrives = arriving(gap, u, dot(n, end), live, h, near, slow, arrival, arrives)
     for s in range(len(sites.site)):
         if sites.site[s, SIZE] != 1:
             continue
@@ -187,12 +208,7 @@ def touched(
             if sites.single[c] == RUB:
                 continue
             gap, u, last, _ = stop_at(given, j, 6 * free + j, 7 * free + j, q, v, space.end)
-            passes = above(-slow, u, one, zero) * above(-near, gap + half * (u + last), one, zero) * moves
-            passes = passes * above(gap, -near, one, zero)
-            time = above(gap, zero, gap / above(-u, TINY, -u, one), zero)
-            time = above(time, h * one, h * one, time)
-            arrival = above(passes, 0.5, above(arrives, 0.5, above(arrival, time, time, arrival), time), arrival)
-            arrives = above(passes, 0.5, one, arrives)
+            arrival, arrives = arriving(gap, u, last, moves, h, near, slow, arrival, arrives)
     left = above(h - arrival, 1e-3 * h, h - arrival, 1e-3 * h * one)
     for a in range(count):
         s = active[a]
