@@ -42,7 +42,8 @@ def main(show: bool = True, name: str = "talos") -> Result:
         t, x, speed = landing(result, step)
         print(f"  {step.foot:<12} {t:4.1f} s {x:8.3f} m {speed:8.1f} m/s")
     share = log.torque_use.max(axis=0)
-    print(f"The largest torque is {100.0 * share.max():.0f} % of its limit, at {robot.actuated_names[share.argmax()]}.")
+    joint = robot.actuated_names[share.argmax()].replace("_left", "").replace("_right", "")  # both sides take nearly as much
+    print(f"The largest torque is {100.0 * share.max():.0f} % of its limit, at {joint} of one leg.")
     print(f"In {log.violations} of {len(log)} steps of control a contact or a joint limit could not be kept;")
     print(f"torques, forces and accelerations have residuals of at most {log.residual.max():.0e}.")
     if show:

@@ -17,7 +17,7 @@ from rbd.displayed import Displayed
 from rbd_site.pages import TOP
 from rbd_site.public import GROUPS, PACKAGES, Public, homes, module_of, names_of
 
-STOP = "BaseException, Enum, IntEnum, StrEnum, Protocol, str, int, float, tuple, dict, list"
+STOP = "BaseException, Enum, IntEnum, StrEnum, Protocol, VectorEnv, Env, str, int, float, tuple, dict, list"
 """Members of these bases are not repeated on the page of a class."""
 
 
