@@ -31,7 +31,7 @@ SHORTEST, HALVED = 1.0 / 16.0, 10
 """Times are not made shorter by more than this; how often the range of the least factor is halved."""
 
 SAME = 9
-"""Times that agree to so many digits are one [s]."""
+"""Decimals of a second to which times are rounded: those that agree count as one."""
 
 T = TypeVar("T")
 

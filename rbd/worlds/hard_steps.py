@@ -1,7 +1,8 @@
-"""Steps of single worlds that Newton's method does not solve: by `rbd.ConeSolver`, and Newton's method from there.
+"""Steps of worlds whose impulses were not found together with others: one world after the other.
 
-That solves symmetric problems, in which forces act where points are at the end of the step. If Newton's method does not lead
-from there to the problem with forces in the middle of the step, the answer is that one: another by the order of the step.
+By `rbd.solvers.law_kernel`; then by `rbd.ConeSolver`, and the former from there. `ConeSolver` takes symmetric problems: there
+forces act where points are at the end of the step. If its answer does not lead to that of the problem with forces in the middle
+of the step, it is taken as it is: another by the order of the step.
 """
 
 from __future__ import annotations
@@ -15,22 +16,32 @@ from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.admm import ConeSolver
 from rbd.worlds.contact_kernel import FOUND
+from rbd.worlds.layout import LEFT, MERITS, RESCUED
 from rbd.worlds.rescue_kernel import left_problem, taken_from
 from rbd.worlds.sites_kernel import Sites
 
 
-def solve_hard_step(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: bool) -> None:
-    """Find the impulses of one lane, if possible; it stays marked where they are not found.
+def solve_left(sites: Sites, told: Array, space: Array, whole: Array, n: int, coulomb: bool) -> None:
+    """Find the impulses of those worlds of a block that are left; they stay marked where they are not found.
 
     Args:
         sites: What touches.
+        told: What is told of the block, shape (TOLD, lanes); written.
         space: Memory of the contact problem, shape (rows, lanes); written.
         whole: As of `advance_kernel.advance_blocks`.
         n: Number of bodies.
-        of: The lane.
         coulomb: Coulomb's law; else the convex one.
     """
-    D, columns, felt, offset, first, width, lower, upper, mu = left_problem(*sites, space, whole, n, of)
+    for of in np.flatnonzero(space[LEFT - MERITS] > 0.5).tolist():
+        told[RESCUED, of] += 1.0
+        _solve(sites, space, whole, n, of, coulomb)
+
+
+def _solve(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: bool) -> None:
+    """Find the impulses of one lane."""
+    D, felt, offset, first, width, lower, upper, mu = left_problem(*sites, space, whole, n, of)
+    if taken_from(*sites, space, whole, n, of, coulomb, np.zeros(len(offset)), False) <= FOUND:
+        return
     if not (np.isfinite(D).all() and np.isfinite(offset).all()):
         return
     values, vectors = np.linalg.eigh(D)

@@ -1,4 +1,4 @@
-"""Worlds whose impulses were not found together with others: one after the other, by `rbd.solvers.law_kernel`."""
+"""The contact problem of one world of a block, and its impulses by `rbd.solvers.law_kernel`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import forces
 from rbd.solvers.newton_kernel import Problem
 from rbd.worlds.contact_kernel import FOUND, law_in
-from rbd.worlds.lanes import lane, lanes_of, put_lane
+from rbd.worlds.lanes import lane, put_lane
 from rbd.worlds.layout import (
     ACTIVE,
     ARM,
@@ -26,7 +26,6 @@ from rbd.worlds.layout import (
     NORMAL,
     OFFSET,
     POINT,
-    RESCUED,
     SIZE,
     UNIT,
     Law,
@@ -113,55 +112,18 @@ def taken(law: Law, points: int, axes: Array, whose: Array, of: int, w: Array) -
             put_lane(law.best, 3 * c + r, of, x / lane(law.point, POINT * c + UNIT, of))
 
 
-def rescue_block(
-    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
-    told: Array, space: Array, whole: Array, n: int, coulomb: bool,
-) -> None:  # fmt: skip
-    """Find the impulses of those worlds of a block that are left; the others are still marked.
-
-    Args:
-        site: As of `Sites`, as are the next seven.
-        place: As there.
-        arm: As there.
-        path: As there.
-        path_start: As there.
-        common: As there.
-        common_start: As there.
-        single: As there.
-        told: What is told of the block, shape (TOLD, lanes); written.
-        space: Working memory of the contact problem, shape (rows, lanes); written.
-        whole: As of `advance_blocks`.
-        n: Number of bodies.
-        coulomb: Coulomb's law; else the convex one.
-    """
-    sites = Sites(site, place, arm, path, path_start, common, common_start, single)
-    law, s = law_in(space, sites, n), len(site)
-    for of in range(lanes_of(told)):
-        if lane(law.merit, LEFT, of) > 0.5:
-            put_lane(told, RESCUED, of, lane(told, RESCUED, of) + 1.0)
-            problem, axes, whose = problem_of(
-                sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
-            )
-            w = np.zeros(len(problem.offset))
-            merit, _, _ = forces(problem, w.copy(), coulomb, np.arange(len(whose)), w)
-            if merit <= FOUND:
-                taken(law, len(arm), axes, whose, of, w)
-                put_lane(law.merit, LEFT, of, 0.0)
-
-
 def _left_problem(
     site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
     space: Array, whole: Array, n: int, of: int,
-) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
-    """(D, columns, felt, offset, first, width, lower, upper, mu) of a lane: see `rbd.solvers.newton_kernel.Problem`."""
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
+    """(D, felt, offset, first, width, lower, upper, mu) of a lane: see `rbd.solvers.newton_kernel.Problem`."""
     sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
     law = law_in(space, sites, n)
     problem, _, _ = problem_of(
         sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
     )
     return (
-        problem.D, problem.columns, problem.felt, problem.offset, problem.first, problem.width, problem.lower, problem.upper,
-        problem.mu,
+        problem.D, problem.felt, problem.offset, problem.first, problem.width, problem.lower, problem.upper, problem.mu,
     )  # fmt: skip
 
 
@@ -189,22 +151,15 @@ def _taken_from(
 
 
 _WRITTEN = array(2, written=True)
-rescue = compiled(
-    rescue_block,
-    signature(None, *SITE_TYPES, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), COUNT, FLAG),
-    unlocked=True,
-)
 left_problem = compiled(
     _left_problem,
     signature(
-        (array(2, written=True), *[array(2, written=True)] * 2, array(1, written=True), *[array(1, COUNT, written=True)] * 2,
-         *[array(1, written=True)] * 3),
+        (_WRITTEN, _WRITTEN, array(1, written=True), *[array(1, COUNT, written=True)] * 2, *[array(1, written=True)] * 3),
         *SITE_TYPES, array(2, written=True), array(1, COUNT, written=True), COUNT, COUNT,
     ),
 )  # fmt: skip
 taken_from = compiled(
     _taken_from,
     signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1), FLAG),
+    unlocked=True,
 )
-rescue_alone = compiled(rescue_block)
-"""For arrays without lanes."""

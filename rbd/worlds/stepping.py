@@ -26,10 +26,9 @@ from rbd.solvers.default import slip_law
 from rbd.worlds import layout as rows
 from rbd.worlds.advance_kernel import advance, size_of
 from rbd.worlds.contact_kernel import law_size
-from rbd.worlds.hard_steps import solve_hard_step
+from rbd.worlds.hard_steps import solve_left
 from rbd.worlds.lanes import LANES
 from rbd.worlds.packing import Packed, Touching
-from rbd.worlds.rescue_kernel import rescue
 
 EachWorld: TypeAlias = float | Sequence[float] | Array
 """A number, or one a world, shape (n,)."""
@@ -320,7 +319,7 @@ class Worlds(Displayed):
         self, which: Array, *, friction: Array | None = None, mass: Array | None = None, force: Array | None = None,
         start: Array | None = None, end: Array | None = None,
     ) -> None:  # fmt: skip
-        """Change what acts in some worlds from now on; what is None stays. Values are taken as they are.
+        """Change what acts in some worlds from now on. An argument that is None changes nothing; values are not checked.
 
         Args:
             which: Numbers of the m worlds.
@@ -372,10 +371,8 @@ class Worlds(Displayed):
             )  # fmt: skip
             if not whole[rows.PART]:
                 return
-            own, n = space[self._law :], len(tree.parent)
-            rescue(*touching.sites, self._told[whole[rows.BLOCK]], own, whole, n, self.coulomb)
-            for lane in np.flatnonzero(own[rows.LEFT - rows.MERITS] > 0.5).tolist():
-                solve_hard_step(touching.sites, own, whole, n, lane, self.coulomb)
+            block = whole[rows.BLOCK]
+            solve_left(touching.sites, self._told[block], space[self._law :], whole, len(tree.parent), self.coulomb)
 
     def _packed_in(self, x: Array) -> Array:
         """Rows by worlds, shape (rows, n) or (rows, 1), as blocks of lanes: one block where all worlds are alike."""

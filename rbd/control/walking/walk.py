@@ -62,7 +62,7 @@ LONGEST, TURNS, TURNED = 2.0, 0.5, 0.5
 """Most that the body moves in one swing and overlap, in strides of its gait; most that it turns in it [rad]; and on two feet,
 as a share of the angle between them that legs allow: a foot turns by twice as much before the other follows."""
 BETWEEN, BEHIND = 3, 1e-3
-"""For speeds, a swing is looked at in so many times as many poses as for torques. Joints are not behind by less [rad]."""
+"""Speeds are checked at three times as many poses of a swing as torques; a joint within 1e-3 rad of its pose has reached it."""
 
 
 class Walk(Displayed):
