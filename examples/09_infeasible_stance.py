@@ -1,8 +1,8 @@
 """Why is there no solution: which constraints contradict each other, and which motion comes nearest?
 
 Talos stands with the brakes of both legs closed, one foot on the ground, the other on a lift that starts upwards. With
-bilateral soles, its feet and brakes require what no motion gives. We look at the certificate, at the motion that violates the rows
-least, and at unilateral contacts, which break. Then a common mistake: a foot that turns, fixed at its four corners.
+bilateral soles, its feet and brakes require what no motion gives. We look at the certificate, at the motion that violates the
+rows least, and at unilateral contacts, which break. Then a common mistake: a foot that turns, fixed at its four corners.
 """
 
 from dataclasses import dataclass
