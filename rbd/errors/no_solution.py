@@ -272,7 +272,7 @@ class CannotReach(NoSolution):
             limits, and no curvature is negative. So no pose nearby is nearer; one far away can be.
         slope: Largest entry of the gradient for free joints, without units.
         limits: {joint: multiplier of its limit}, positive at upper limits, negative at lower ones.
-        certificate: An `OutOfReach`, that there is no pose: points farther apart than the links between them; or None.
+        certificate: An `OutOfReach`: two points farther apart than the links between them, so that there is no pose; or None.
         without: Targets without which, one at a time, the others are satisfied.
 
     Example:

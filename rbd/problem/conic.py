@@ -200,7 +200,7 @@ class Conic:
     def excess(self, x: Array, y: Array, z: Array) -> float:
         """What the value of an x that meets the program exceeds the least one by, at most, by multipliers.
 
-        Valid against all x whose entries are no larger than those of this one, where R is outside the dual cones.
+        Valid for all x whose entries are no larger than those of this one, where R is outside the dual cones.
         """
         value, out = self.least(self.answer_of_X(x, y, z), y, z)
         return float(x @ (self.H @ x + self.g) - value + out @ np.abs(x))

@@ -22,7 +22,7 @@ _CONIC = 1e-7
 _OUTSIDE = 1e-9
 """Forces of a program are this near to balance and to their cones, over the weight."""
 _BEYOND = 1e-6
-"""What the multipliers of a conic program bound is this near to what its forces reach."""
+"""The bound by the multipliers of a conic program is this near to what its forces reach."""
 
 
 @dataclass(frozen=True, eq=False)
