@@ -69,7 +69,7 @@ def main(show: bool = True) -> Result:
 
 
 def check(result: Result) -> None:
-    """The doctor finds nothing broken, the feet carry the weight, the answer is proved."""
+    """The doctor finds nothing broken, the feet carry the weight, the answer is certified."""
     assert result.report.ok
     weight = result.robot.mass * 9.81
     assert abs(sum(force[2] for force in result.held.forces.values()) - weight) < 1e-9

@@ -1,8 +1,8 @@
 """Why is there no solution: which constraints contradict each other, and which motion comes nearest?
 
 Talos stands with the brakes of both legs closed, one foot on the ground, the other on a lift that starts upwards. With
-bilateral soles, its feet and brakes require what no motion gives. We look at the proof, at the motion that violates the rows
-least, and at unilateral contacts, which break. Then a common mistake: a foot that turns, fixed at its four corners.
+bilateral soles, its feet and brakes require what no motion gives. We look at the certificate, at the motion that violates the
+rows least, and at unilateral contacts, which break. Then a common mistake: a foot that turns, fixed at its four corners.
 """
 
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ def main(show: bool = True) -> Result:
     below, above = (nearest.violation[name][2] for name in ("left_sole", "right_sole"))
     print(f"The nearest motion lifts the left sole by {-below:.3f}, the right one by {LIFT - above:.3f} m/s2.")
 
-    # One brake opened is not enough, as others take its place in the proof; both of the hips' roll joints are.
+    # One brake opened is not enough, as others take its place in the certificate; both of the hips' roll joints are.
     tried = {}
     for opened in (["leg_left_2 brake"], ["leg_left_2 brake", "leg_right_2 brake"]):
         kept = [c for c in stance(None) if c.name not in opened]
@@ -100,7 +100,7 @@ def refused(state: rbd.State, tau: np.ndarray, constraints: list) -> rbd.NoSolut
 
 
 def check(result: Result) -> None:
-    """The proofs, from their definition, and what a rigid body must do."""
+    """The certificates, from their definition, and what a rigid body must do."""
     for error in (result.glued, result.turning):
         problem, why = error.problem, error.contradiction
         f = np.concatenate([why.certificate[rows.name] for rows in problem.rows])

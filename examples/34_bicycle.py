@@ -139,7 +139,7 @@ def plot(figure, result: Result) -> None:
 
 
 def check(result: Result) -> None:
-    """The published eigenvalues and critical speeds, the proof of A, and the steady turn."""
+    """The published eigenvalues and critical speeds, the certificate of A, and the steady turn."""
     assert max(result.off.values()) < 1e-9, "their table 2"
     assert abs(result.weave_speed - 4.292382536) < 1e-6 and abs(result.capsize_speed - 6.024262015) < 1e-6
     assert max(result.at_5.difference, result.at_5.invariance, result.at_5.variation) < 1e-9

@@ -1,4 +1,4 @@
-"""Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its proof.
+"""Robots in contact: Gauss's least-constraint problem on Pinocchio and ProxSuite, every answer with its certificate.
 
 `import rbd` loads almost no module: a name, or a sub-package, is loaded on first use.
 """

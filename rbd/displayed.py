@@ -20,7 +20,7 @@ def drawing(name: str) -> Callable[..., Any]:
 
 
 class Displayed:
-    """A record that notebooks show as a table: the result first, then numbers with units, then the proof, folded."""
+    """A record that notebooks show as a table: the result first, then numbers with units, then the certificate, folded."""
 
     __slots__ = ()
 

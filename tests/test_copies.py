@@ -422,7 +422,7 @@ def test_q_keeps_its_last_bit(talos: rbd.Robot, rng: np.random.Generator):
 
 
 def test_an_error_keeps_what_it_carries(talos: rbd.Robot):
-    """`NoSolution` with its problem, result and proof, and its way to the nearest motion."""
+    """`NoSolution` with its problem, result and certificate, and its way to the nearest motion."""
     locks = [rbd.JointLock(name, "arm_left_4_joint", position=p) for name, p in (("one", -1.0), ("two", -1.2))]
     state = talos.standing()
     with pytest.raises(rbd.NoSolution) as caught, warnings.catch_warnings():
@@ -435,7 +435,7 @@ def test_an_error_keeps_what_it_carries(talos: rbd.Robot):
 
 
 def test_an_error_of_a_motion_keeps_what_it_carries(talos: rbd.Robot):
-    """`CannotHold` with its limits, proof and what is missing, and its way to the nearest motion that is possible."""
+    """`CannotHold` with its limits, certificate and what is missing, and its way to the nearest motion that is possible."""
     with pytest.raises(rbd.CannotHold) as caught:
         rbd.hold(talos.standing(), talos.soles()[:1])
     one = caught.value

@@ -285,7 +285,7 @@ REGION = rbd.statics.support_region(BOX.at(), FLOOR)
 
 
 def use_region(ask: Any = rbd.statics.support_region, **given: Any) -> Any:
-    """How far a region reaches, and its proof."""
+    """How far a region reaches, and its certificate."""
     region = ask(**given)
     return [region.vertices.min(axis=0, initial=0.0), region.vertices.max(axis=0, initial=0.0), str(region)]
 
@@ -1711,7 +1711,7 @@ MADE_BY_RBD = {
     "Comparison",
     "FrictionAnswer",
     "Plan",
-    "MomentumProof",
+    "MomentumCertificate",
     "WalkPlan",
     "ElementPicture",
     "LoopFile",

@@ -44,7 +44,7 @@ FROZEN = {
     31: "no_solution: contradiction",
     32: "cannot_assemble",
     33: "cannot_reach",
-    34: "cannot_reach: proved",
+    34: "cannot_reach: certified",
     35: "singular_pose",
     36: "no_steady_state",
     37: "cannot_plan",
@@ -228,7 +228,7 @@ def test_what_prevents_a_pose_has_a_code(talos: rbd.Robot, weak: rbd.Robot) -> N
 
 
 def test_what_is_not_searched_or_not_found_has_a_code(talos: rbd.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a proof it is undecided; where the search for the friction is cut short, and in push_limits, it has no detail."""
+    """Without a certificate it is undecided; where the search for friction is cut short, and in push_limits, without detail."""
     state, push = talos.standing(), 100.0 * talos.standing().frame("torso_2_link").J[1]
     corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
     steep = rbd.State(testing.box(mass=10.0), ORIGIN)
@@ -288,7 +288,7 @@ def test_what_rbd_solve_refuses_has_a_code() -> None:
 
 
 def test_what_cannot_be_reached_has_a_code() -> None:
-    """With a proof that links are too short, and without one."""
+    """With a certificate that links are too short, and without one."""
     solo = rbd.load_robot("solo12")
     far = {"FL_FOOT": (5.0, 0.0, 0.0), "FR_FOOT": (0.0, 0.0, 0.0)}
     assert reason_of(lambda: rbd.find_pose(solo, far)) is Reason.OUT_OF_REACH

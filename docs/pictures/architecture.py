@@ -20,7 +20,7 @@ ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what
     [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
     [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
-    [("solution", "answer and proof"), ("least_constraint", "solve"), ("many", "solve_many")],
+    [("solution", "answer and certificate"), ("least_constraint", "solve"), ("many", "solve_many")],
     [
         ("statics, centroid", "hold, least effort,\nmotions of the centroid"),
         ("mechanism", "assemble, trace,\nmobility"),
@@ -43,7 +43,7 @@ WAYS = {
         ("GaussProblem: M, rhs, rows", "problem.problem"),
         ("Answer: a, f", "solvers"),
         ("Residuals of the law, in N and m/s2", "problem.residuals"),
-        ("Solution: forces, proof, what is unique", "solution"),
+        ("Solution: forces, certificate, what is unique", "solution"),
     ],
     "rbd.simulate": [
         ("State at t", "model.state"),
@@ -52,7 +52,7 @@ WAYS = {
         ("impulses of sticking, slipping points", "solvers.newton"),
         ("step; impacts at their own times", "simulation.time_step"),
         ("back onto loops and contacts", "mechanism.projection"),
-        ("Trajectory: motion, forces, proof", "simulation.trajectory"),
+        ("Trajectory: motion, forces, certificate", "simulation.trajectory"),
     ],
 }
 _EDGE, _FILL, _WAY = "#30507a", "#eaf1fa", "#fdf3e3"

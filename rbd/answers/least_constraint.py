@@ -99,7 +99,7 @@ def solve(
             `rbd.mechanism.project_velocity` puts a velocity onto the contacts.
         Unsupported: the solver cannot take the problem.
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
-            problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
+            problem, result and certificate, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -408,7 +408,7 @@ def _what_to_do(solution: Solution) -> str:
     found = solution.contradiction
     if found is None:
         return ""
-    out = " The proof is `error.contradiction`, the motion that violates them least `error.nearest()`."
+    out = " The certificate is `error.contradiction`, the motion that violates them least `error.nearest()`."
     if found.unmet_most:
         out += f" {found.unmet_most}"
     points = [r.patch for r in solution.problem.rows if r.name in found.rows and r.patch is not None]

@@ -1,4 +1,4 @@
-"""`Solution`: an answer with its force distribution, uniqueness, infeasibility proof, derivatives and printed table."""
+"""`Solution`: an answer with its force distribution, uniqueness, contradiction, derivatives and printed table."""
 
 from __future__ import annotations
 
@@ -129,14 +129,14 @@ class Solution(Answer):
 
     @lazy
     def status(self) -> Status:
-        """Status by the residuals; `INFEASIBLE` too if `contradiction` proves that there is no answer."""
+        """Status by the residuals; `INFEASIBLE` too if `contradiction` shows that there is no answer."""
         told = super().status
-        proved = told is Status.FAILED and not self.impact and self.contradiction is not None
-        return Status.INFEASIBLE if proved else told
+        contradicts = told is Status.FAILED and not self.impact and self.contradiction is not None
+        return Status.INFEASIBLE if contradicts else told
 
     @lazy
     def contradiction(self) -> Contradiction | None:
-        """The rows that contradict each other under this law, with the proof; None if they do not."""
+        """The rows that contradict each other under this law, with the certificate; None if they do not."""
         return contradiction(self.problem, self.law)
 
     @lazy

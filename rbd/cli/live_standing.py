@@ -135,8 +135,8 @@ class Standing:
         except RbdError as error:
             limits = [limit for limit in getattr(error, "limits", ()) if limit.kind not in _ALWAYS]
             names = ", ".join(dict.fromkeys(limit.name for limit in limits if limit.name))
-            proved = "no forces of its contacts balance it" if getattr(error, "limits", ()) else "the reason was not found"
-            title = f"Cannot be held: {' and '.join(gives_way(limits)) or proved}"
+            why = "no forces of its contacts balance it" if getattr(error, "limits", ()) else "the reason was not found"
+            title = f"Cannot be held: {' and '.join(gives_way(limits)) or why}"
             lack = getattr(error, "missing", None)
             missing = () if lack is None or not lack.size else (f"missing: a force of {vector(lack.force, 1)} N",)
             named = (f"what gives way: {names}",) if names else (in_options(str(error)),)

@@ -208,7 +208,7 @@ class StandReport:
         }
 
     def __rich__(self) -> Group:
-        """Whether it stands and what is nearest to a limit, what it does, forces and proof, the largest torques."""
+        """Whether it stands and what is nearest to a limit, what it does, forces and certificate, the largest torques."""
         lines = (*self.verdict, self._headline(), *self._what_follows(), "", str(self.solution), "")
         return Group(*map(Text, lines), self._torques_table())
 
@@ -313,7 +313,7 @@ class RegionReport:
         return next(iter(self.regions.values()))
 
     def __rich__(self) -> Group:
-        """How far the centre of mass is from the edge, then each region with its proof, then its corners."""
+        """How far the centre of mass is from the edge, then each region with its certificate, then its corners."""
         region, state = self.asked, self.asked.state
         rows = [("centre of mass", f"{vector(state.com)} m")]
         rows += [(name, f"{r} Largest residual: {r.residual:.1e} N") for name, r in self.regions.items()]

@@ -137,7 +137,7 @@ class SimulateReport:
         return there + (f", and moves at {self.speed:.3g} m/s" if self.speed > STILL else ", at rest")
 
     def __rich__(self) -> Group:
-        """How it ended, then the motion with its proof, then what it has not, and the largest torque."""
+        """How it ended, then the motion with its certificate, then what it has not, and the largest torque."""
         x = self.trajectory
         rows = [*self._places(), ("largest torque", busiest_motor(x))]
         rows += [("" if i else "left out", limit) for i, limit in enumerate(self.setup.limits)]

@@ -187,7 +187,7 @@ def region(
     json_: Json = None,
     verbose: Verbose = False,
 ) -> None:
-    """Compute the support region: where the centre of mass can be for a robot to stand on its feet, with its proof.
+    """Compute the support region: where the centre of mass can be for a robot to stand on its feet, with its certificate.
 
     For example: rbd region talos --torque-limits --png region.png
     """

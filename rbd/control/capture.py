@@ -1,10 +1,10 @@
-"""Capture regions: from which velocities a robot comes to rest on its contacts, without a step; proven from both sides.
+"""Capture regions: from which velocities a robot comes to rest on its contacts, without a step; bounded from both sides.
 
 With the centre of mass c at a height h over level contacts, w = sqrt(g / h), and the capture point x = c + c' / w:
 
 inside     The motion  c(t) = x + (c(0) - x) exp(-w t)  comes to rest over x. At all times it takes the force m (w^2 (c - x), g)
            through c, from the point x of the ground: s = exp(-w t) of the first one, and 1 - s of the weight's, applied at x.
-           So forces within their cones, and torques within their limits, at its beginning and its end prove it at all times;
+           So forces within their cones, and torques within their limits, at its beginning and its end suffice at all times;
            and the places x for which there are such forces are convex.
 outside    About an edge of the contacts' hull no force from the ground turns the robot back. With u the distance of c beyond
            the edge over its height z, K the angular momentum about the edge, |L| <= Lmax about c, and z below a height H,
@@ -55,12 +55,12 @@ class CaptureRegion(Displayed):
         begin: Points of the ground from which the first force may come: a `ZmpRegion`.
         end: Places over which it may rest: a `SupportRegion`.
         inner: Corners of a polygon, counterclockwise, shape (k, 2) [m]: from each capture point in it a motion to rest is
-            proven, with the centre of mass at its height and no angular momentum. None where it is empty.
+            certified, with the centre of mass at its height and no angular momentum. None where it is empty.
         outer: Corners of a polygon, shape (j, 2) [m]: from no capture point outside it can the robot come to rest.
         height: Of the centre of mass over the contacts now [m].
-        highest: Up to which height it may come [m], in the proof of `outer`.
+        highest: Up to which height it may come [m], in the bound `outer`.
         momentum: The largest angular momentum about a level axis [N m s], in the same.
-        torque_limits: Whether motors keep within their limits, at this pose, in the proof of `inner`.
+        torque_limits: Whether motors keep within their limits, at this pose, in the motions of `inner`.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -103,7 +103,7 @@ class CaptureRegion(Displayed):
         return np.asarray((self.state.com + (A_g @ self.state.v)[:3] / (mass * self.rate))[:2])
 
     def contains(self, point: Sequence[float] | Array) -> bool:
-        """Whether it comes to rest from a capture point by the motion that is proven; False says nothing.
+        """Whether it comes to rest from a capture point by the motion that is certified; False says nothing.
 
         Args:
             point: Shape (2,) [m].
@@ -165,11 +165,11 @@ def capture_region(
     friction: str = "cone",
     loops: bool = True,
 ) -> CaptureRegion:
-    """From which velocities a robot comes to rest on its contacts, as a region of capture points; proven from both sides.
+    """From which velocities a robot comes to rest on its contacts, as a region of capture points; bounded from both sides.
 
     The centre of mass is where it is in the state, and its velocity any level one. `inner` is where `zmp_region` of a pendulum,
     for the beginning of the motion, and `support_region`, for its end, overlap: with the forces of both every motion from
-    there to rest is proven. `outer` is the contacts' hull, each edge moved out by
+    there to rest is certified. `outer` is the contacts' hull, each edge moved out by
 
         (Lmax / (m h w)) + ((H / h)^1.5 - 1) d,        d the distance of the centre of mass from the edge:
 
@@ -182,7 +182,7 @@ def capture_region(
     Args:
         state: The robot with its velocity; contacts carry it, standing.
         contacts: What it stands on, at least one, on one level plane.
-        torque_limits: Whether motors are to keep within their limits, at this pose, in the proof of `inner`.
+        torque_limits: Whether motors are to keep within their limits, at this pose, in the motions of `inner`.
         momentum: The largest angular momentum about a level axis through the centre of mass [N m s], for `outer`; None:
             0.1 m h sqrt(g h).
         highest: The largest height of the centre of mass over the contacts [m], for `outer`; None: that of the state.

@@ -122,7 +122,7 @@ class TaskActuation(Actuation):
     """Torques and forces of a step of whole-body control: an `rbd.Actuation`, with what tasks missed.
 
     Its `residuals` are those of every answer, for contacts that keep as still as the step wants them; `certificate`, computed
-    in the step, also proves that no other torques and forces have less cost.
+    in the step, also shows that no other torques and forces have less cost.
 
     Attributes:
         missed: {task: wanted less reached, shape (m,)}: accelerations, or forces over the mass [m/s2, rad/s2].

@@ -60,7 +60,7 @@ def inverse_dynamics(
         DuplicateName: two constraints of one name.
         ContactMoves: a velocity that the contacts do not allow; `rbd.mechanism.project_velocity` puts it onto them.
         CannotMove: a point would sink, a held row would move; or there are no such torques and forces. Then it names an
-            irreducible set of limits that prevent it, with a proof, and what is missing; `error.nearest()` is the nearest
+            irreducible set of limits that prevent it, with a certificate, and what is missing; `error.nearest()` is the nearest
             acceleration that is possible.
 
     Example:
@@ -98,7 +98,7 @@ def inverse_dynamics_many(
 
     A motion that is not possible is a row of NaN with its `rbd.answers.many.StateStatus` and a message; `actuations[i]` then
     raises
-    the error of `inverse_dynamics`, with the limits that prevent it and the proof. Other errors and warnings are those of
+    the error of `inverse_dynamics`, with the limits that prevent it and the certificate. Other errors and warnings are those of
     `rbd.solve_many`.
 
     Args:

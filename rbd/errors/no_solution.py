@@ -16,7 +16,7 @@ class NoSolution(RbdError):
     Attributes:
         problem: The `GaussProblem` that was to be solved, or None where no contact problem was posed.
         result: The best `Solution` that was found, residuals and all, or None.
-        contradiction: The `Contradiction`: constraints that contradict each other, with the proof; or None.
+        contradiction: The `Contradiction`: constraints that contradict each other, with the certificate; or None.
 
     Example:
         >>> box = rbd.testing.box()
@@ -112,7 +112,7 @@ class CannotMove(NoSolution):
 
     Attributes:
         limits: An irreducible set of `rbd.statics.limits.Limit`: all of them together cannot be kept, and any of them left out
-            lets the rest be kept. Empty where the proof was not found.
+            lets the rest be kept. Empty where the certificate was not found.
         irreducible: Whether that is so; False where there were too many to leave each of them out in turn, or there are none.
         certificate: The `Certificate` that they cannot: multipliers of the equations of motion and of the limits; or None.
         missing: `Missing`: the least wrench on the base (and torques at passive joints) that would let contact forces
@@ -173,13 +173,13 @@ class CannotPlan(CannotMove):
     """There is no plan over the contacts from keyframe to keyframe, or none was found; what is missing, as of `CannotMove`.
 
     Attributes:
-        t: Instants at which the nearest plan is not proved [s].
+        t: Instants at which the nearest plan is not certified [s].
         plan: The `rbd.planning.Plan` that came nearest; None where the centre of mass already has no motion.
-        momentum: The `rbd.planning.MomentumProof` that contacts cannot give the momentum that keyframes ask for, those between
-            included where there is a nearest plan; or None. Without such a plan `certificate` is that.
+        momentum: The `rbd.planning.MomentumCertificate` that contacts cannot give the momentum that keyframes ask for, those
+            between included where there is a nearest plan; or None. Without such a plan `certificate` is that.
         tried: With contacts="search", what was tried in vain, in words.
         helps: {what: least factor of it that would do}, the smallest first: "friction" and "torque" at the instant that is
-            named, or what `MomentumProof.helps` has.
+            named, or what `MomentumCertificate.helps` has.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -189,7 +189,7 @@ class CannotPlan(CannotMove):
         >>> try:
         ...     rbd.plan(solo, {0.0: stand, 0.12: far, 0.24: stand}, feet, friction=0.2, progress=False)
         ... except rbd.errors.CannotPlan as error:
-        ...     print(len(error.t) > 0, error.plan.proved)
+        ...     print(len(error.t) > 0, error.plan.certified)
         True False
     """
 
@@ -272,7 +272,7 @@ class CannotReach(NoSolution):
             limits, and no curvature is negative. So no pose nearby is nearer; one far away can be.
         slope: Largest entry of the gradient for free joints, without units.
         limits: {joint: multiplier of its limit}, positive at upper limits, negative at lower ones.
-        proof: An `OutOfReach`, which proves that there is no pose: points farther apart than the links between them; or None.
+        certificate: An `OutOfReach`: two points farther apart than the links between them, so that there is no pose; or None.
         without: Targets without which, one at a time, the others are satisfied.
 
     Example:
@@ -280,8 +280,8 @@ class CannotReach(NoSolution):
         >>> try:
         ...     rbd.find_pose(solo, {"FL_FOOT": (5.0, 0.0, 0.0), "FR_FOOT": (0.0, 0.0, 0.0)})
         ... except rbd.errors.CannotReach as error:
-        ...     print(f"{error.proof.apart:.1f} m apart, of links of {error.proof.longest:.2f} m; without {error.without}")
-        5.0 m apart, of links of 0.85 m; without ('FL_FOOT', 'FR_FOOT')
+        ...     print(f"{error.certificate.short:.2f} m too far apart; without {error.without}")
+        4.15 m too far apart; without ('FL_FOOT', 'FR_FOOT')
     """
 
     reason = Reason.CANNOT_REACH
@@ -295,11 +295,11 @@ class CannotReach(NoSolution):
         minimum: bool = False,
         slope: float = 0.0,
         limits: Mapping[str, float] | None = None,
-        proof: Any = None,
+        certificate: Any = None,
         without: tuple[str, ...] = (),
     ) -> None:
-        super().__init__(message, reason=None if proof is None else Reason.OUT_OF_REACH)
-        self.q, self.minimum, self.slope, self.proof, self.without = q, minimum, slope, proof, without
+        super().__init__(message, reason=None if certificate is None else Reason.OUT_OF_REACH)
+        self.q, self.minimum, self.slope, self.certificate, self.without = q, minimum, slope, certificate, without
         self.misses = {} if misses is None else dict(misses)
         self.limits = {} if limits is None else dict(limits)
 

@@ -63,7 +63,7 @@ class Reason(StrEnum):
     CONTRADICTION = "no_solution: contradiction", 31, "The constraints contradict each other."
     CANNOT_ASSEMBLE = "cannot_assemble", 32, "Loops do not close, or not from this start."
     CANNOT_REACH = "cannot_reach", 33, "No pose that satisfies the targets was found."
-    OUT_OF_REACH = "cannot_reach: proved", 34, "No pose satisfies the targets: the links between them are too short."
+    OUT_OF_REACH = "cannot_reach: certified", 34, "No pose satisfies the targets: the links between them are too short."
     SINGULAR_POSE = "singular_pose", 35, "The known motions do not decide the others at this pose."
     NO_STEADY_STATE = "no_steady_state", 36, "No equilibrium, or no steady motion, was found from this start."
     CANNOT_PLAN = "cannot_plan", 37, "No motion over these contacts was found that is possible at every instant."
@@ -81,7 +81,7 @@ class Reason(StrEnum):
     CANNOT_HOLD_UNDECIDED = (
         "cannot_hold: undecided",
         46,
-        "Neither forces nor a proof that there are none were found: the pose is within 1e-6 of a limit.",
+        "Neither forces nor a certificate that there are none were found: the pose is within 1e-6 of a limit.",
     )
     CANNOT_HOLD_FRICTION_MARGIN = (
         "cannot_hold: friction margin",
@@ -112,7 +112,7 @@ class Reason(StrEnum):
     CANNOT_MOVE_UNDECIDED = (
         "cannot_move: undecided",
         56,
-        "Neither forces nor a proof that there are none were found: the motion is within 1e-6 of a limit.",
+        "Neither forces nor a certificate that there are none were found: the motion is within 1e-6 of a limit.",
     )
     CANNOT_MOVE_FRICTION_MARGIN = (
         "cannot_move: friction margin",

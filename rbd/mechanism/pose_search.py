@@ -167,7 +167,7 @@ def find_pose(
 
     Raises:
         CannotReach: no pose was found; with the nearest pose, the error of each target there, whether it is a true minimum of
-            the distance, and, where points are farther apart than the links between them, the proof that there is no pose.
+            the distance, and, where points are farther apart than the links between them, the certificate that no pose exists.
         InputError: invalid targets or places: of a wrong kind or size, or not finite.
         FrameNotFound: no foot and no frame of a given name.
         DuplicateName: two targets with the same name.
@@ -179,22 +179,22 @@ def find_pose(
         >>> print(found.worst < 1e-12, f"{found.moved:.2f} rad")
         True 0.18 rad
     """
-    search, q0, proof = _search(robot, targets, ground, posture, com, loops)
-    tried = search.tries(q0, 0 if proof else STARTS)
+    search, q0, apart = _search(robot, targets, ground, posture, com, loops)
+    tried = search.tries(q0, 0 if apart else STARTS)
     if isinstance(tried, FoundPose):
         return tried
     end = search.minimum(min(tried, key=lambda reached: reached.size2))
     if search.met(end.at):
         return search.found(q0, end.at, len(tried))
-    raise search.failure(end, len(tried) - 1, proof)
+    raise search.failure(end, len(tried) - 1, apart)
 
 
 def quick_pose(
     robot: Robot, targets: Mapping[Any, Where], *, ground: On, posture: State, com: Array | None, starts: int
 ) -> FoundPose | dict[str, Miss]:
-    """`find_pose` with few further starts; or {target: error} at the nearest pose that was found, not proved to be nearest."""
-    search, q0, proof = _search(robot, targets, ground, posture, com, True)
-    tried = search.tries(q0, 0 if proof else starts)
+    """`find_pose` with few further starts; or {target: error} at the nearest pose that was found, perhaps not the nearest."""
+    search, q0, apart = _search(robot, targets, ground, posture, com, True)
+    tried = search.tries(q0, 0 if apart else starts)
     if isinstance(tried, FoundPose):
         return tried
     misses = search.misses(min(tried, key=lambda reached: reached.size2).state.q)
@@ -205,7 +205,7 @@ def _search(
     robot: Robot, targets: Mapping[Any, Where] | None, ground: On, posture: str | Array | State | None,
     com: Sequence[float] | Array | None, loops: bool,
 ) -> tuple[_PoseSearch, Array, OutOfReach | None]:  # fmt: skip
-    """(search, configuration at which it begins, proof that there is no pose)."""
+    """(search, configuration at which it begins, certificate that there is no pose)."""
     check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
     q = _posture(robot, posture)
     asked, place = read_targets(robot, targets, ground, State(robot, q)), read_com(com)
@@ -386,7 +386,7 @@ class _PoseSearch(Space[Residual]):
         alone = _PoseSearch(self.robot, self.targets, self.com, ()).at(q)
         return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
 
-    def failure(self, end: StationaryPoint[Residual], others: int, proof: OutOfReach | None) -> CannotReach:
+    def failure(self, end: StationaryPoint[Residual], others: int, apart: OutOfReach | None) -> CannotReach:
         """The error for targets that are not satisfied."""
         q, name = end.at.state.q, self.robot.name
         missed = [(k, m) for k, m in self.misses(q).items() if not m.within(self.tolerance)]
@@ -397,7 +397,7 @@ class _PoseSearch(Space[Residual]):
         say = [f"{name} does not reach its targets; at the nearest pose {off}."]
         open_ = {k: x for k, x in self.apart(q).items() if x > 1e-9}
         say += [f"Its loops do not close there: {', '.join(f'{k!r:.60} by {x:.3g}' for k, x in _first(open_))}."] * bool(open_)
-        say += [f"There is no pose: {proof}."] * bool(proof)
+        say += [f"There is no pose: {apart}."] * bool(apart)
         if end.minimum:
             at = f"; at a limit: {', '.join(k[:60] for k, _ in _first(pressed))}" if pressed else ""
             say.append(f"No small motion reduces the distance: a true minimum (slope {end.slope:.0e}{at}).")
@@ -407,8 +407,9 @@ class _PoseSearch(Space[Residual]):
         without = self._without_each(q, left)
         say += [f"Without {' or '.join(f'{k!r:.60}' for k in without)} the others are satisfied."] * bool(without)
         return CannotReach(
-            " ".join(say), q=q, misses=left, minimum=end.minimum, slope=end.slope, limits=pressed, proof=proof, without=without
-        )
+            " ".join(say), q=q, misses=left, minimum=end.minimum, slope=end.slope, limits=pressed, certificate=apart,
+            without=without,
+        )  # fmt: skip
 
     def _without_each(self, q: Array, left: Mapping[str, Miss]) -> tuple[str, ...]:
         """Targets without which, one at a time, the others are satisfied."""

@@ -1,4 +1,4 @@
-"""Targets of a pose: contacts, frames and the centre of mass; their errors, and a proof that targets are out of reach."""
+"""Targets of a pose: contacts, frames and the centre of mass; their errors, and a certificate that targets are out of reach."""
 
 from __future__ import annotations
 
@@ -303,7 +303,7 @@ class OutOfReach:
 
 
 def out_of_reach(robot: CheckedModel, targets: Sequence[Target]) -> OutOfReach | None:
-    """A proof that no pose satisfies the targets: the pair with the largest gap; None if there is no such pair."""
+    """A certificate that no pose satisfies the targets: the pair with the largest gap; None if there is no such pair."""
     gaps = (gap for gap in _gaps(robot, targets) if gap.short > 1e-9 * max(1.0, gap.apart))
     return max(gaps, key=lambda gap: gap.short, default=None)
 

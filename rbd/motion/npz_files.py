@@ -62,7 +62,7 @@ REVISED = 0.03
 """How far it may be where joints are named and all angles agree: revisions of a robot differ by a centimetre [m]."""
 ROUNDED = 1e-6
 """Norms off by less, as numbers of single precision are, are not told."""
-PROVED = 500
+TESTED = 500
 """Number of frames, evenly spread, on which an order of joints is tested."""
 BODIES = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 
@@ -71,7 +71,7 @@ def of_named_arrays(path: Path, robot: CheckedModel | None, given: ReadSettings)
     """The frames of an .npz, an .npy, a pickle or a file of joblib, by what it holds.
 
     Raises:
-        InputError: nothing known; sizes that do not fit; an order of joints that kinematics does not prove.
+        InputError: nothing known; sizes that do not fit; an order of joints that kinematics does not confirm.
     """
     file = named_arrays(path, given.motion)
     robot = _stored_robot(file) if robot is None else robot
@@ -215,7 +215,7 @@ def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> F
         if angle <= TURNED and far <= (REVISED if named else NEAR):
             other = "; distances are those of another revision of the robot" if far > NEAR else ""
             notes.append(
-                f"joints are in the order of {what}: {min(PROVED, n)} frames of {place.shape[1]} bodies agree with kinematics "
+                f"joints are in the order of {what}: {min(TESTED, n)} frames of {place.shape[1]} bodies agree with kinematics "
                 f"to {1e3 * far:.2g} mm and {angle:.1g} rad{other}."
             )
             unseen = [name for name in names if not links & set(robot.model.subtrees[robot.joint_id(name)])]
@@ -223,7 +223,7 @@ def _of_bodies(file: NamedArrays, robot: CheckedModel, given: ReadSettings) -> F
                 notes.append(f"no body shows the angles of {', '.join(unseen):.300}; they are in the order of their names.")
             elif unseen:
                 raise InputError(
-                    f"{path.name}: no body shows the angles of {', '.join(unseen)[:300]}, so their order is not proved. "
+                    f"{path.name}: no body shows the angles of {', '.join(unseen)[:300]}, so their order is not confirmed. "
                     "Such a file needs the last link of every limb, or save q and t instead."
                 )
             notes += left_still(robot, names)
@@ -291,7 +291,7 @@ def _error(robot: CheckedModel, q: Array, place: Array, turn: Array) -> tuple[fl
     """(largest distance [m], largest angle [rad], joints) of the bodies from, and of, their nearest links in all frames."""
     model, data = robot.model, robot.model.createData()
     links = [robot.frame_id(name) for name in robot.links()]
-    frames = np.unique(np.linspace(0, len(q) - 1, min(PROVED, len(q))).round().astype(int))
+    frames = np.unique(np.linspace(0, len(q) - 1, min(TESTED, len(q))).round().astype(int))
     X = np.empty((len(frames), len(links), 7))
     for i, at in enumerate(frames):
         pin.framesForwardKinematics(model, data, q[at])

@@ -227,7 +227,7 @@ class Motion(Displayed):
         - .npz, pickles and files of joblib, by the names of their arrays: `q` and `t`, and `v`, `a`, of `Motion.save`;
           `root_pos`, `root_rot`, `dof_pos`, `fps` (GMR, TWIST); `root_trans_offset`, `root_rot`, `dof`, `fps` (PHC, ASAP);
           `qpos` and its rate (MuJoCo, LocoMuJoCo), also an .npy of it alone; `fps`, `joint_pos`, `body_pos_w`, `body_quat_w`
-          (BeyondMimic, holosoma): the order of its joints is tried and proved by forward kinematics, or refused.
+          (BeyondMimic, holosoma): the order of its joints is tried and confirmed by forward kinematics, or refused.
         - Trajectories of `rbd`, .npz or .nc.
         - Logs, MCAP and rosbag2, with joint states and the pose of a base; `motion` names a topic. They need the extra `logs`.
 

@@ -116,7 +116,7 @@ class Intervals:
 
     @property
     def sure(self) -> Array:
-        """Where all instants are proved to be possible, shape (m,)."""
+        """Where all instants are certified to be possible, shape (m,)."""
         between = (self.correction <= self.room.min(axis=0)).all(axis=1) & (self.bend <= 0.0)
         return np.asarray(self.holds & between & (self.missing.max(axis=0) + self.lost < FALLS))
 
@@ -139,7 +139,7 @@ class Intervals:
 
 
 def certified(curve: Curve, pushes: Pushes, torques: Callable[[Array], tuple[Array, Array]], parts: int = 2) -> Intervals:
-    """The intervals of a plan, halved until each is proved or too short, or one of its ends is impossible."""
+    """The intervals of a plan, halved until each is certified or too short, or one of its ends is impossible."""
     t = np.linspace(0.0, 1.0, parts + 1)
     steps = np.diff(curve.t)
     start = (curve.t[:-1, None] + steps[:, None] * t[:-1]).ravel()

@@ -1,4 +1,4 @@
-"""What contacts can do to the momentum of a robot over a whole plan, and the proof that it is not enough.
+"""What contacts can do to the momentum of a robot over a whole plan, and the certificate that it is not enough.
 
 A robot of mass m that is at rest at both ends of a motion of length T, its centre of mass at c_0 = 0 and c_T, needs forces f of
 its contacts, at places p, with
@@ -14,8 +14,8 @@ All are linear in f. So, by Farkas' lemma, there are no such forces in cones |f_
 
 wherever and whenever something stands, and int f . u dt, which then is not negative, had to be negative: what the middles of
 those places give, and m sum_k r_k |d_k| more at most. u is quadratic in
-time, so in the cone between two instants if its three coefficients in Bernstein's form are: the proof holds at all instants,
-for forces of any course, impulses too. That there is no proof does not show that there is a motion.
+time, so in the cone between two instants if its three coefficients in Bernstein's form are: the certificate holds at all
+instants, for forces of any course, impulses too. Where there is no certificate there need not be a motion.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rbd.statics.limits import Limit
 
 GRID = 0.05
 """Instants between which u is bounded by its coefficients are so far apart at most [s]."""
-PROVES = 1e-5
+COUNTS = 1e-5
 """A contradiction counts where this is missing, over the weight and the time, or more ..."""
 REACH = 1e3
 """... and the certificate excludes all forces whose normal parts are on average less than so many times the weight."""
@@ -276,9 +276,9 @@ class Momentum:
     @property
     def refused(self) -> bool:
         """Whether contacts cannot give what is needed."""
-        return self.solved()[0] >= PROVES
+        return self.solved()[0] >= COUNTS
 
-    def proof(self) -> MomentumProof | None:
+    def certificate(self) -> MomentumCertificate | None:
         """Why no motion gives it what it needs, checked, with an irreducible set of limits; None where none was found."""
         if not self.refused:
             return None
@@ -286,14 +286,14 @@ class Momentum:
         for limit in self.limits:
             if limit.kind == "push" and any(self._finer(x, limit, gone) for x in self.limits):
                 continue
-            if self.solved([*gone, limit])[0] >= PROVES:
+            if self.solved([*gone, limit])[0] >= COUNTS:
                 gone.append(limit)
         kept = [x for x in self.limits if x not in gone]
         limits = tuple(x for x in kept if x.kind != "push" or not any(self._finer(y, x, gone) for y in kept))
         _, y, forces = self.solved(gone)
         t = np.unique(self.cones[3][forces > SPEAKS * forces.max(initial=0.0)])
-        proof = MomentumProof(self, y, limits, t)
-        return proof if proof.reach > REACH * self.weight * self.t[-1] else None
+        found = MomentumCertificate(self, y, limits, t)
+        return found if found.reach > REACH * self.weight * self.t[-1] else None
 
     @staticmethod
     def _finer(other: Limit, push: Limit, gone: Collection[Limit]) -> bool:
@@ -319,8 +319,8 @@ class Momentum:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MomentumProof(Displayed):
-    """The proof that contacts cannot give a robot the momentum that keyframes ask for, whatever it does with its limbs.
+class MomentumCertificate(Displayed):
+    """The certificate that contacts cannot give a robot the momentum that keyframes ask for, whatever it does with its limbs.
 
     Attributes:
         asked: Keyframes and contacts, an `rbd.planning.momentum.Momentum`.
@@ -335,8 +335,8 @@ class MomentumProof(Displayed):
         >>> try:
         ...     rbd.plan(solo, {0.0: stand, 0.6: ahead}, low, friction=0.1, progress=False)
         ... except rbd.errors.CannotPlan as error:
-        ...     proof = error.momentum
-        >>> print(sorted({limit.kind for limit in proof.limits}), list(proof.helps), proof.missing > 0.0)
+        ...     found = error.momentum
+        >>> print(sorted({limit.kind for limit in found.limits}), list(found.helps), found.missing > 0.0)
         ['flight', 'friction', 'keyframe'] ['time', 'friction', 'distance'] True
     """
 
@@ -357,7 +357,7 @@ class MomentumProof(Displayed):
 
     @property
     def reach(self) -> float:
-        """Up to what normal impulses of all contacts, added up, it is a proof [N s]: `missing` over mu |u_t| - u_n at worst."""
+        """Up to what normal impulses of all contacts, added up, it is valid [N s]: `missing` over mu |u_t| - u_n at worst."""
         U, stay, _, _ = self.asked.cones
         u, mu = each_times(U, self.y), np.array([s.friction for s in self.asked.stays])[stay]
         outside = float((mu * np.linalg.norm(u[:, :2], axis=1) - u[:, 2]).max(initial=0.0)) / self.size
@@ -403,7 +403,7 @@ class MomentumProof(Displayed):
         return f"friction of {from_to}{factor:.4g} times as much"
 
     def __repr__(self) -> str:
-        return f"MomentumProof({len(self.limits)} limits, {self.missing:.3g} N s missing)"
+        return f"MomentumCertificate({len(self.limits)} limits, {self.missing:.3g} N s missing)"
 
 
 def _null(rows: Array) -> Array:

@@ -1,4 +1,4 @@
-"""`plan`: a motion from keyframe to keyframe over given contacts that is possible at every instant, with the proof."""
+"""`plan`: a motion from keyframe to keyframe over given contacts that is possible at every instant, with its certificate."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from rbd.planning.distances import too_far_apart
 from rbd.planning.free_times import shortest
 from rbd.planning.helping import Instant, limited
 from rbd.planning.kept_limits import Between, between
-from rbd.planning.momentum import Momentum, MomentumProof
+from rbd.planning.momentum import Momentum, MomentumCertificate
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
 from rbd.robots.robot import Robot
@@ -69,8 +69,8 @@ class Plan(Displayed):
         contacts: The contacts, and when each stands, as `rbd.control.follow` reads them.
         curve: Cubics of the coordinates.
         pushes: Forces of the plan at its knots.
-        intervals: What is known of each interval of time, the proof.
-        between: Limits of joints and of speeds at all times; bodies apart, where all forces are proved.
+        intervals: What is known of each interval of time, the certificate.
+        between: Limits of joints and of speeds at all times; bodies apart, where all forces are certified.
         friction: Coulomb's coefficient of feet that are given by name.
         floor: What they stand on.
 
@@ -80,7 +80,7 @@ class Plan(Displayed):
         >>> low = {"com": stand.com - [0.0, 0.0, 0.05]}
         >>> feet = {foot.name: True for foot in solo.feet()}
         >>> plan = rbd.plan(solo, {0.0: stand, 0.6: low, 1.2: stand}, feet, progress=False)
-        >>> print(plan.proved, f"{plan.state(0.6).com[2] - stand.com[2]:.3f} m")
+        >>> print(plan.certified, f"{plan.state(0.6).com[2] - stand.com[2]:.3f} m")
         True -0.050 m
     """
 
@@ -99,8 +99,8 @@ class Plan(Displayed):
         return float(self.curve.t[-1] - self.curve.t[0])
 
     @property
-    def proved(self) -> bool:
-        """Whether every instant is proved to be possible."""
+    def certified(self) -> bool:
+        """Whether every instant is certified to be possible."""
         return bool(self.intervals.sure.all() and self.between.holds)
 
     @property
@@ -110,7 +110,7 @@ class Plan(Displayed):
 
     @lazy
     def normal_forces(self) -> Array:
-        """Of all points, at both ends of the intervals of its proof, shape (2, m, k) [N]."""
+        """Of all points, at both ends of the intervals of its certificate, shape (2, m, k) [N]."""
         return self._local_forces[..., 2]
 
     @lazy
@@ -180,7 +180,7 @@ class Plan(Displayed):
     def forces(self, t: float) -> dict[str, Array]:
         """{contact: forces at its corners, in W, shape (k, 3) [N]} at a time, of the contacts that stand.
 
-        They balance the motion, but for `missing`, and are in their cones where that is proved.
+        They balance the motion, but for `missing`, and are in their cones where that is certified.
         """
         x = self._time(t)
         (f,), _ = at_instants(self.curve, self.pushes, self.intervals, np.array([x]))
@@ -192,13 +192,13 @@ class Plan(Displayed):
     def torques(self, t: float) -> Array:
         """Torques of the motors at a time, shape (nu,) [N, N m]: with `forces(t)` they give the motion.
 
-        They are within their limits where that is proved.
+        They are within their limits where that is certified.
         """
         return np.asarray(at_instants(self.curve, self.pushes, self.intervals, np.array([self._time(t)]))[1][0])
 
     @lazy
     def schedule(self) -> TorqueSchedule:
-        """Its torques over time, without feedback: linear between the ends of the intervals of its proof.
+        """Its torques over time, without feedback: linear between the ends of the intervals of its certificate.
 
         They are off `torques(t)` between these by `intervals.off_line` at most.
         """
@@ -207,7 +207,7 @@ class Plan(Displayed):
         return TorqueSchedule(t, tau)
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
-        """Forces, what is used of limits, contacts and what is not proved over time; see `rbd.visual.plot_plan`."""
+        """Forces, what is used of limits, contacts and what is not certified over time; see `rbd.visual.plot_plan`."""
         return drawing("plot_plan")(axes, self)
 
     def _time(self, t: float) -> float:
@@ -223,7 +223,7 @@ class Plan(Displayed):
     def __str__(self) -> str:
         x, names, drift = self.intervals, ", ".join(c.name for c in self.contacts.contacts), 1e3 * self.drift
         length = float((x.end - x.start)[x.sure].sum()) / self.duration
-        says = "possible at every instant, proved" if self.proved else f"proved in {length:.1%} of its time"
+        says = "possible at every instant, certified" if self.certified else f"certified in {length:.1%} of its time"
         return "\n".join([
             f"a plan of {self.robot.name}, {self.duration:.2f} s on {names}: {says}",
             f"  {len(x.start)} intervals of {1e3 * (x.end - x.start).min():.2g} to {1e3 * (x.end - x.start).max():.2g} ms, "
@@ -253,7 +253,7 @@ def plan(
     Poses between keyframes and forces are found together: the centroid's program (`rbd.centroid`) plans the centre of mass,
     whole-body poses follow it with contacts in place, bodies apart, torques and joints within limits, in turn until both agree.
     The answer is a cubic spline. For each interval of it forces at both ends balance it exactly in their cones, and bounds of
-    second derivatives prove that nothing is exceeded between; intervals are halved until that is so.
+    second derivatives show that nothing is exceeded between; intervals are halved until that is so.
 
     Where contacts do not resist every wrench (nothing touches, or two points), up to 0.2 % of the weight may be missing.
     Limits of joints and speeds hold, and bodies are apart, at all times (`rbd.planning.kept_limits`). Contacts do not slide.
@@ -291,14 +291,14 @@ def plan(
             no keyframe says where it stands; no feet of that name; times that are none.
         CannotReach: a keyframe's targets; with the nearest pose.
         CannotPlan: there is no such motion, or none was found; with the instants, the limits that contradict each other there,
-            and the plan that came nearest; or with the proof that contacts cannot give the momentum that keyframes ask for.
+            and the plan that came nearest; or with the certificate that contacts cannot give the momentum that is asked for.
 
     Example:
         >>> g1 = rbd.load_robot("g1")
         >>> stand = g1.standing()
         >>> right = {"com": stand.com - [0.0, 0.05, 0.0]}
         >>> plan = rbd.plan(g1, {0.0: stand, 1.0: right}, {"left_sole": True, "right_sole": True}, progress=False)
-        >>> print(plan.proved, sorted(plan.forces(1.0)), plan.missing < 1e-9)
+        >>> print(plan.certified, sorted(plan.forces(1.0)), plan.missing < 1e-9)
         True ['left_sole', 'right_sole'] True
     """
     check_kind("the robot of plan", robot, Robot, "a robot: rbd.load_robot(name)")
@@ -360,8 +360,8 @@ class _Settings:
                 f"there is no plan of {robot.name}: {far}.", t=(far.t,), irreducible=True, certificate=far,
                 limits=tuple(Limit("reach", name) for name in far.names),
             )  # fmt: skip
-        if (proof := (momentum := Momentum.of(supports)).proof()) is not None:
-            raise _without_momentum(f"there is no plan of {robot.name}", proof)
+        if (why := (momentum := Momentum.of(supports)).certificate()) is not None:
+            raise _without_momentum(f"there is no plan of {robot.name}", why)
         costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if self.costs is None else self.costs
         found, failed = list[Plan](), None
         with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
@@ -379,7 +379,7 @@ class _Settings:
                     failed = error
                     continue
                 found.append(made)
-                if made.proved:
+                if made.certified:
                     return made
                 if high is not None and i == 0 and made.intervals.missing.max() > HOPELESS:
                     nearest = _of_nearest(found, self.limits)
@@ -436,22 +436,22 @@ def _failure(
     """Why there is no plan: by the momentum that is asked for, or by the instants of the nearest plan."""
     if not found:
         said = f"no plan of {supports.robot.name} was found with {share:.0%} of the friction"
-        if (proof := Momentum.of(supports, share).proof()) is not None:
-            return _without_momentum(said, proof)
+        if (why := Momentum.of(supports, share).certificate()) is not None:
+            return _without_momentum(said, why)
         return CannotPlan(f"{said}: {failed} More knots a second, rate=, come nearer to what limits allow.", t=())
     error = _of_nearest(found, limits)
-    proof = Momentum.of(supports, between=True).proof() if len(supports.keys) > 2 else None
-    if proof is None:
+    why = Momentum.of(supports, between=True).certificate() if len(supports.keys) > 2 else None
+    if why is None:
         return error
-    error.momentum = proof
-    error.args = (f"{error.args[0]} No motion passes through the keyframes' centres of mass exactly: {proof}",)
+    error.momentum = why
+    error.args = (f"{error.args[0]} No motion passes through the keyframes' centres of mass exactly: {why}",)
     return error
 
 
-def _without_momentum(said: str, proof: MomentumProof) -> CannotPlan:
+def _without_momentum(said: str, why: MomentumCertificate) -> CannotPlan:
     return CannotPlan(
-        f"{said}: {proof}", t=tuple(proof.t.tolist()), limits=proof.limits, irreducible=True, certificate=proof, momentum=proof,
-        helps=proof.helps,
+        f"{said}: {why}", t=tuple(why.t.tolist()), limits=why.limits, irreducible=True, certificate=why, momentum=why,
+        helps=why.helps,
     )  # fmt: skip
 
 
@@ -484,7 +484,7 @@ def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
         return CannotPlan(f"no plan was found: at {t:.3f} s, one of {spans}, {error}", t=times, plan=best)
     share = float((x.end - x.start)[x.sure].sum()) / best.duration
     said = (
-        f"the nearest plan is proved in {share:.1%} of its time: not at {spans}. Give contacts more time to change, or "
+        f"the nearest plan is certified in {share:.1%} of its time: not at {spans}. Give contacts more time to change, or "
         "keyframes of more balance; error.plan is that plan."
     )
     return CannotPlan(said, t=times, plan=best)

@@ -136,7 +136,7 @@ class Status(StrEnum):
     FAILED = "failed"
     """A scaled residual is above 1e-7, or a contact approaches, which is an impact: not an answer."""
     INFEASIBLE = "infeasible"
-    """Infeasible: reported by the solver, or proved by a certificate (`Solution.contradiction`)."""
+    """Infeasible: reported by the solver, or shown by a certificate (`Solution.contradiction`)."""
 
     @property
     def reason(self) -> Reason:
@@ -163,7 +163,7 @@ class StateStatus(IntEnum):
     INACCURATE = 1
     """Every scaled residual is at most 1e-7."""
     FAILED = 2
-    """No answer within 1e-7 was found, though no proof that there is none."""
+    """No answer within 1e-7 was found, though no certificate that there is none."""
     INFEASIBLE = 3
     """The constraints contradict each other."""
     CONTACT_MOVES = 4
@@ -274,7 +274,7 @@ CERTIFICATE = (
         "residual_size_{}", "residual: {}", default=False,
     ),
 )  # fmt: skip
-"""Fields of every answer that prove it."""
+"""Fields of every answer that certify it."""
 ACCELERATION = Field("a", ("velocity",), "{}/s2", "accelerations, by velocity coordinate")
 FORCES = (
     Field(
@@ -334,7 +334,7 @@ class Answer(Displayed):
         iterations: Number of iterations of the solver.
         seconds: Time in the solver [s].
         infeasible: Whether the solver reports that no acceleration satisfies the rows; see `Solution.contradiction` for the
-            proof.
+            certificate.
         others: Other motions that satisfy the same law, where the solver found some (Painleve's paradox, jammed
             points).
         reason: The solver's message: why there is no answer, or which several motions there are; else empty.

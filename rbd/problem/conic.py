@@ -200,7 +200,7 @@ class Conic:
     def excess(self, x: Array, y: Array, z: Array) -> float:
         """What the value of an x that meets the program exceeds the least one by, at most, by multipliers.
 
-        Proved against all x whose entries are no larger than those of this one, where R is outside the dual cones.
+        Valid for all x whose entries are no larger than those of this one, where R is outside the dual cones.
         """
         value, out = self.least(self.answer_of_X(x, y, z), y, z)
         return float(x @ (self.H @ x + self.g) - value + out @ np.abs(x))
@@ -231,7 +231,7 @@ class Certificate:
         y: Multipliers of A x = b, shape (e,), the largest of all multipliers being one.
         z: Multipliers of the rows between bounds, shape (q,).
         gap: What is left between the two sides; positive.
-        reach: The combination is a proof for all x whose entries add up to less than this, in absolute value: infinite where
+        reach: The combination is valid for all x whose entries add up to less than this, in absolute value: infinite where
             rounding leaves nothing outside.
     """
 
@@ -242,7 +242,7 @@ class Certificate:
 
     @classmethod
     def of(cls, program: Conic, y: Array, z: Array) -> Certificate | None:
-        """Checked; None where it proves nothing."""
+        """Checked; None where it shows nothing."""
         z = np.where((z > 0.0) & ~np.isfinite(program.low) | (z < 0.0) & ~np.isfinite(program.high), 0.0, z)
         r = -(y @ program.A) - z @ program.C
         size = max(float(np.abs(part).max(initial=0.0)) for part in (y, z, r))
@@ -266,7 +266,7 @@ class ConicAnswer:
         z: Multipliers of the rows between bounds, shape (q,): positive where the lower bound holds.
         method: "Newton" or "Clarabel".
         iterations: Of that method.
-        certificate: Where there is no x, the proof, or None where rounding spoils it.
+        certificate: Where there is no x, the certificate, or None where rounding spoils it.
     """
 
     program: Conic

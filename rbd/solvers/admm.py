@@ -279,7 +279,7 @@ class _ConeSearch:
             yield np.zeros(len(first)), 1e-7
         yield self._by_admm(S, first, False, 1000), 1e-7
         if not self.answers and qp.least_violation(*_conditions(S, self.W, coulomb=self.coulomb)) > 1e-6:
-            self.infeasible = True  # proven by a linear program: no acceleration satisfies the rows, whatever the forces
+            self.infeasible = True  # by a linear program: no acceleration satisfies the rows, whatever the forces
             return
         extra = np.zeros(len(first))
         for _ in range(_FIXED_POINT_STEPS if self.coulomb else 1):

@@ -1,7 +1,7 @@
 """Conic programs by Newton's method and, if it does not converge, by Clarabel: the only file that imports Clarabel.
 
 Newton's method on the equations of `rbd.problem.conic` [Qi1993] ends at rounding from a near start; Clarabel's interior-point
-method [Goulart2024] needs none, and tells when there is no x, with a proof.
+method [Goulart2024] needs none, and tells when there is no x, with a certificate.
 
 With few equations, many unknowns (a hundred contacts on one robot) and a diagonal H, equal within a cone, Newton's method on
 the dual is smaller (`by_dual`): x = P_X(H^-1 (A^T y - g)) follows from one multiplier an equation, and y solves A x = b.
@@ -22,8 +22,8 @@ from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome, Work
 MET = 1e-11
 """A miss up to this is rounding, of numbers around one."""
 _NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
-_REACH = 1e6  # of a proof that is not improved
-_ENOUGH = 1e3  # of a proof
+_REACH = 1e6  # of a certificate that is not improved
+_ENOUGH = 1e3  # of a certificate
 _GAP = 1e-10
 _RAY = 1e-7  # of a direction: what it misses, over how steeply the objective falls
 _NIL = 1e-12
@@ -51,8 +51,8 @@ def _of_no_columns(program: Conic, tolerance: float) -> ConicAnswer:
     if program.outside(x) <= tolerance:
         return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", 0)
     violated = np.maximum(program.low, 0.0) + np.minimum(program.high, 0.0)
-    proof = Certificate.of(program, program.b, violated)
-    return ConicAnswer(program, Outcome.INFEASIBLE, x, y, z, "Newton", 0, proof)
+    certificate = Certificate.of(program, program.b, violated)
+    return ConicAnswer(program, Outcome.INFEASIBLE, x, y, z, "Newton", 0, certificate)
 
 
 def _by_newton(program: Conic) -> ConicAnswer | None:
@@ -106,18 +106,18 @@ _STATUS = {"PrimalInfeasible": Outcome.INFEASIBLE, "DualInfeasible": Outcome.UNB
 
 
 def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
-    """By the interior-point method, then Newton's from its point; where it does not know, a proof is looked for."""
+    """By the interior-point method, then Newton's from its point; where it does not know, a certificate is looked for."""
     found = interior_point(program)
     if found.outcome is Outcome.INFEASIBLE:
-        proof = Certificate.of(program, found.y, found.z)
-        if proof is not None and proof.reach >= _REACH and proof.gap > _GAP:
-            return replace(found, certificate=proof)
+        told = Certificate.of(program, found.y, found.z)
+        if told is not None and told.reach >= _REACH and told.gap > _GAP:
+            return replace(found, certificate=told)
     elif found.outcome is Outcome.UNBOUNDED:
         return found
     elif (better := settled(program, found, tolerance)) is not None:
         return better
-    proof = _refuted(program)
-    return found if proof is None else replace(found, outcome=Outcome.INFEASIBLE, certificate=proof)
+    told = _refuted(program)
+    return found if told is None else replace(found, outcome=Outcome.INFEASIBLE, certificate=told)
 
 
 def settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
@@ -153,7 +153,7 @@ def _multipliers(program: Conic, x: Array) -> tuple[Array, Array]:
 
 
 def _refuted(program: Conic) -> Certificate | None:
-    """The proof that no x meets the rows with the largest gap, of multipliers up to one; None where none is found."""
+    """The certificate that no x meets the rows with the largest gap, of multipliers up to one; None where none is found."""
     row_down, row_up = np.isfinite(program.low), np.isfinite(program.high)
     down, up = np.isfinite(program.lower), np.isfinite(program.upper)
     flat, I = program.cones.ravel(), np.eye(len(program.g))
@@ -179,9 +179,9 @@ def _refuted(program: Conic) -> Certificate | None:
         z = np.zeros(len(program.C))
         z[row_down] += found["low"]
         z[row_up] -= found["high"]
-        proof = Certificate.of(program, found["y"], z)
-        if proof is not None and proof.reach >= _ENOUGH and proof.gap > _GAP:
-            return proof
+        made = Certificate.of(program, found["y"], z)
+        if made is not None and made.reach >= _ENOUGH and made.gap > _GAP:
+            return made
     return None
 
 

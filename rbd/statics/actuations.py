@@ -99,7 +99,7 @@ class Actuations(ManyAnswers, Displayed):
         Raises:
             InputError: state i is no input; i is no whole number.
             ContactMoves: a velocity that the contacts do not allow.
-            CannotMove: there are no such torques and forces: its limits, with the proof and what is missing.
+            CannotMove: there are no such torques and forces: its limits, with the certificate and what is missing.
             IndexError: there is no such state.
         """
         return actuation_of(wanted_at(self.states, self.index(i), self.choice), stacklevel=2)
@@ -194,6 +194,6 @@ def _one(sheet: Sheet, i: int, choice: EffortChoice) -> Actuation | None:
         sheet.column("warned", OPENED)[i] = True
     if not isinstance(found, Actuation):
         kind, does = (CannotHold, "be held") if choice.holds else (CannotMove, "move so")
-        raise kind(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the proof.")
+        raise kind(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the certificate.")
     sheet.write(i, found.answer, found.corner_forces)
     return found if found.status in (Status.SOLVED, Status.INACCURATE) else None

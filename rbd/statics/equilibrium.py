@@ -47,12 +47,12 @@ def hold(
         loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
-        The torques, with a = 0. What cannot be held within 1e-6 of a limit is refused, with a proof; what can, is found. A
-        `JointLimitWarning` names joints beyond their limits, and a `DistantContactWarning` contacts off their planes.
+        The torques, with a = 0. What cannot be held within 1e-6 of a limit is refused, with a certificate; what can, is found.
+        A `JointLimitWarning` names joints beyond their limits, and a `DistantContactWarning` contacts off their planes.
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
-        CannotHold: naming the limits that prevent it, with the proof and what is missing.
+        CannotHold: naming the limits that prevent it, with the certificate and what is missing.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -82,7 +82,7 @@ def hold_many(
     """Motor torques and contact forces that hold a robot still at n poses: what `hold` answers at each, as arrays.
 
     A pose that cannot be held is a row of NaN with its `rbd.answers.many.StateStatus` and a message; `actuations[i]` then
-    raises `hold`'s error, with the limits that prevent it and the proof. Other errors and warnings as of `rbd.solve_many`.
+    raises `hold`'s error, with the limits that prevent it and the certificate. Other errors and warnings: `rbd.solve_many`.
 
     Args:
         robot: The robot.

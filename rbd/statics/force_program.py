@@ -1,4 +1,4 @@
-"""The farthest point along a direction over contact forces and parameters that a program allows, with its proof.
+"""The farthest point along a direction over contact forces and parameters that a program allows, with its certificate.
 
 With pyramids a program is linear, and HiGHS ends at a corner. With circular cones it is conic.
 """
@@ -22,7 +22,7 @@ _CONIC = 1e-7
 _OUTSIDE = 1e-9
 """Forces of a program are this near to balance and to their cones, over the weight."""
 _BEYOND = 1e-6
-"""What the multipliers of a conic program prove is this near to what its forces reach."""
+"""The bound by the multipliers of a conic program is this near to what its forces reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Support:
 
 
 def farthest(program: Conic, gain: Array) -> Support:
-    """The x with the largest gain . x, and the proof that there is no larger one; of a program with H = 0 and g = 0.
+    """The x with the largest gain . x, and the certificate that there is no larger one; of a program with H = 0 and g = 0.
 
     Args:
         program: What x must meet.
@@ -61,7 +61,7 @@ def farthest(program: Conic, gain: Array) -> Support:
         found = replace(found, certificate=_contradiction(program))
     if found.outcome in (Outcome.INFEASIBLE, Outcome.UNBOUNDED) or len(found.x) < len(gain):
         return Support(found, math.nan)
-    # What counts is that forces exist, and that nothing is farther than their proof says: not how the method ended.
+    # What counts is that forces exist, and that nothing is farther than their multipliers say: not how the method ended.
     value = bound(program, gain, found.y, found.z)
     met = program.outside(found.x) <= _OUTSIDE and value - float(gain @ found.x) <= _BEYOND
     return Support(replace(found, outcome=Outcome.SOLVED if met else Outcome.NOT_FOUND), value)
@@ -84,11 +84,11 @@ def _at_a_corner(program: Conic) -> ConicAnswer:
 
 
 def _contradiction(program: Conic) -> Certificate | None:
-    """The multipliers that prove that no x meets the program, by the least sum of what is missed; None if it is nothing."""
+    """The multipliers that show that no x meets the program, by the least sum of what is missed; None if it is nothing."""
     found = _at_a_corner(program.missed())
     lower, upper = np.split(found.z, 2)
-    proof = Certificate.of(program, found.y, lower + upper) if found.solved else None
-    return proof if proof is not None and proof.gap > SAME else None
+    made = Certificate.of(program, found.y, lower + upper) if found.solved else None
+    return made if made is not None and made.gap > SAME else None
 
 
 def bound(program: Conic, gain: Array, y: Array, z: Array) -> float:

@@ -1,4 +1,4 @@
-"""The least coefficient of friction with which contacts balance a robot, under circular cones: bracketed by proofs.
+"""The least coefficient of friction with which contacts balance a robot, under circular cones: bracketed by certificates.
 
 With coefficients mu equilibrium asks for weights w of simple sets and of cones |w_t| <= mu w_n with
 
@@ -75,7 +75,7 @@ class Balance:
         guess, by_newton = 0.5 * (low + high), False
         while high - low > BRACKET * high and high > 1e-6:
             missed, slope = self._missed(guess)
-            if missed <= MET:  # after Newton's step, a point slightly below proves that it is the least
+            if missed <= MET:  # after Newton's step, a point slightly below shows that it is the least
                 high, guess, by_newton = guess, guess * (1.0 - 0.9 * BRACKET) if by_newton else low, False
             else:  # slightly beyond Newton's step, as s falls with mu
                 low, by_newton = guess, True

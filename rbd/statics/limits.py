@@ -160,20 +160,20 @@ class Relaxable:
         return Conic.of(blocks, [({"forces": loads.A, "relaxed": X}, loads.b)], between)
 
     def refuted(self, relaxed: Collection[Limit] = ()) -> Certificate | None:
-        """The proof that there are none, or None where there are, or where it was not found."""
+        """The certificate that there are none, or None where there are, or where it was not found."""
         found = solve_conic(self.program(relaxed), newton=False, tolerance=1e-8)
         return found.certificate if found.outcome is Outcome.INFEASIBLE else None
 
-    def irreducible(self, proof: Certificate) -> tuple[tuple[Limit, ...], bool]:
+    def irreducible(self, certificate: Certificate) -> tuple[tuple[Limit, ...], bool]:
         """A set of limits that contradict each other, and whether none of them could be left out: not all may have been tried.
 
         Args:
-            proof: That all of them do.
+            certificate: That all of them do.
         """
         left = programs.LIMIT_PROGRAMS
         kept = list(self.limits)
         motors = [limit for limit in kept if limit.kind == "motor"]
-        speaks = np.abs(proof.z[len(proof.z) - len(motors) :]) > _ZERO
+        speaks = np.abs(certificate.z[len(certificate.z) - len(motors) :]) > _ZERO
         gone = [limit for limit, counts in zip(motors, speaks, strict=True) if not counts]
         if gone and self.refuted(gone) is None:
             gone = []

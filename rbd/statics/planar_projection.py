@@ -1,4 +1,4 @@
-"""Planar images of convex sets of forces: all (p, q) for which there are forces, as a polygon with its proof.
+"""Planar images of convex sets of forces: all (p, q) for which there are forces, as a polygon with its certificate.
 
     p in S     where     there is w with     A (w, p) = b,   low <= C (w, p) <= high,   w in intervals and circular cones
 
@@ -101,7 +101,7 @@ class Region:
         return area_of(self._outline[0]) if self.bounded else np.inf
 
     def forces(self, corner: int) -> dict[str, Array]:
-        """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that prove a corner."""
+        """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that certify a corner."""
         return contact_forces(self.loads, self.weights[self._corner(corner)])
 
     def plot(self, ax: Axes) -> list[Artist]:
@@ -160,7 +160,7 @@ class PlanarSet:
         outer: Corners of the outer polygon, shape (j, 2).
         supports: Farthest points, by the angle of their directions.
         programs: How many programs that took.
-        contradiction: Of an empty S, the proof, if one came with the answer.
+        contradiction: Of an empty S, the certificate, if one came with the answer.
     """
 
     outcome: Outcome
@@ -184,7 +184,7 @@ def planar_set(program: Conic, *, area_gap: float = 0.0) -> PlanarSet:
     Args:
         program: The program.
         area_gap: Outer less inner area that will do, unless that takes more than `POLYGON_PROGRAMS`; with 0 edges are followed
-            until each is proven.
+            until each is certified.
     """
     n, most = program.A.shape[1], POLYGON_PROGRAMS
     supports: list[Support] = []

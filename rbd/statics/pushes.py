@@ -53,11 +53,11 @@ class PushLimits(Displayed):
         directions: Unit vectors in W, shape (k, 3).
         forces: Largest push in each direction, shape (k,) [N]: `at_most` where no limit is met up to there, NaN where no push
             holds the robot.
-        bounds: What no push in each direction can exceed, proven by multipliers, shape (k,) [N].
+        bounds: What no push in each direction can exceed, by multipliers, shape (k,) [N].
         weights: Contact forces at these pushes, as weights of `loads.sets` over the robot's weight, shape (k, p).
         motions: The motion that begins there, shape (k, nv), of any size: the multipliers, read as a virtual velocity.
         least: Smallest push in each direction that holds the robot, shape (k,) [N]: zero where it is `held` without one.
-        least_bounds: What no push that holds it falls below, proven by multipliers, shape (k,) [N].
+        least_bounds: What no push that holds it falls below, by multipliers, shape (k,) [N].
         least_weights: Contact forces at the smallest pushes, as `weights`.
         at_most: Larger pushes were not looked for [N].
         programs: How many programs that took.
@@ -95,7 +95,7 @@ class PushLimits(Displayed):
             "push_least", ("direction",), "N",
             "smallest push in each direction that holds it; zero where it is held without one", lambda x: x.least,
         ),
-        Field("push_bound", ("direction",), "N", "what no push in each direction can exceed, proven", lambda x: x.bounds),
+        Field("push_bound", ("direction",), "N", "what no push in each direction can exceed", lambda x: x.bounds),
         Field(
             "push_direction", ("direction", "axis"), "1", "unit vector of each direction, in W",
             lambda x: x.directions, default=False,
@@ -203,8 +203,8 @@ def push_limits(
     Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), `|tau| <= limit`, f in the friction
     cones: motors know of the push and answer as well as they can. What fixed torques do is another question: `rbd.solve`.
 
-    Each answer is proven from both sides: by forces and torques, and by multipliers. These are a virtual motion that the push
-    drives against nothing but limits, so they tell what would give way.
+    Each answer is certified from both sides: by forces and torques, and by multipliers. These are a virtual motion that the
+    push drives against nothing but limits, so they tell what would give way.
 
     Args:
         state: The pose; v must be zero.
@@ -237,18 +237,18 @@ def push_limits(
     search = _PushSearch(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
     search.run()
     found, least = ([answers[i] for i in range(len(ways))] for answers in (search.answers, search.least))
-    (forces, bounds), (smallest, proven) = (
+    (forces, bounds), (smallest, not_less) = (
         loads.unit * np.maximum(0.0, [[a.size for a in some], [a.bound for a in some]]) for some in (found, least)
     )
     return PushLimits(
         loads, frame, at, ways, forces, bounds, np.array([a.x for a in found]), np.array([a.motion for a in found]),
-        smallest, proven, np.array([a.x for a in least]), most, search.programs,
+        smallest, not_less, np.array([a.x for a in least]), most, search.programs,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """A largest or smallest push, over the weight, or NaN; of a largest one the proven half-space of all, a . F <= b."""
+    """A largest or smallest push, over the weight, or NaN; of a largest one the half-space of all, a . F <= b."""
 
     size: float
     bound: float
@@ -317,7 +317,7 @@ class _PushSearch:
         self._between(others[middle], others[middle + 1 :], j)
 
     def _on_the_way(self, one: _Answer, d: Array, two: _Answer, e: Array, way: Array) -> _Answer | None:
-        """The answer where the straight line between two others is a limit; None where it is not proven to be."""
+        """The answer where the straight line between two others is a limit; None where that is not certified."""
         p, q = one.size * d, two.size * e
         D = np.array([p, q]).T
         shares = np.linalg.lstsq(D, way, rcond=1e-9)[0]

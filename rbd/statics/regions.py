@@ -31,7 +31,7 @@ from rbd.statics.planar_projection import Region, planar_region
 
 SMALLEST_GAP_M2 = 1e-9
 _SHARE = 1e-2
-"""A motor is in the way whose limit makes more than this of the proof's gap."""
+"""A motor is in the way whose limit makes more than this of the certificate's gap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,12 @@ class SupportRegion(Region, Displayed):
         friction: "cone", "inscribed" or "circumscribed".
         torque_limits: Whether motors keep within their limits.
         margin: Share of each coefficient of friction that is left unused.
-        vertices: Corners on z = 0, counterclockwise seen from above, shape (k, 2) [m]: each proven by forces. Two of a segment,
+        vertices: Corners on z = 0, counterclockwise seen from above, shape (k, 2) [m]: each with its forces. Two of a segment,
             one of a point, none of an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
         outer: Corners of a polygon that holds the region, shape (j, 2) [m]; those of the region itself with pyramids.
-        weights: Forces that prove each corner, as weights of `loads.sets` over the robot's weight, shape (k, p).
+        weights: Forces that certify each corner, as weights of `loads.sets` over the robot's weight, shape (k, p).
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 2); none if it ends.
-        contradiction: Of an empty region, the multipliers that prove it; or None.
+        contradiction: Of an empty region, the multipliers that certify it; or None.
         programs: How many linear or conic programs that took.
         cut: Whether the region goes on beyond 10 m from its contacts, with an end or without, and `vertices` end there.
 
@@ -86,7 +86,7 @@ class SupportRegion(Region, Displayed):
             "com_distance", (), "m", "distance of the centre of mass from the edge, positive inside",
             lambda region: region.com_to_edge[0],
         ),
-        Field("area_gap", (), "m2", "by how much the proven outer polygon is larger", default=False),
+        Field("area_gap", (), "m2", "by how much the outer polygon is larger", default=False),
     )  # fmt: skip
 
     @property

@@ -1,4 +1,4 @@
-"""Why a motion is not possible, or a pose cannot be held: the error with its limits, its proof and what is missing."""
+"""Why a motion is not possible, or a pose cannot be held: the error with its limits, its certificate and what is missing."""
 
 from __future__ import annotations
 
@@ -67,15 +67,15 @@ class Refusal:
         kind = CannotHold if holds else CannotMove
         name, does = self.loads.state.robot.name, "be held" if holds else "move so"
         nearest, relaxable = partial(WantedMotion.nearest, self.wanted, self.margin), Relaxable(self.loads, effort)
-        proof = relaxable.refuted()
-        if proof is None:
+        certificate = relaxable.refuted()
+        if certificate is None:
             return kind(
                 f"{name}: whether it can {does} was not found within {CONIC_STEPS} steps of a conic program: it is within 1e-6 "
                 "of a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
                 nearest=nearest,
                 reason=self._reason("undecided"),
             )
-        limits, irreducible = relaxable.irreducible(proof)
+        limits, irreducible = relaxable.irreducible(certificate)
         lack = missing(self.loads, effort)
         beyond = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
@@ -90,7 +90,7 @@ class Refusal:
         if not holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
         return kind(
-            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack,
+            words, limits=limits, irreducible=irreducible, certificate=certificate, missing=lack,
             excess=None if beyond is None else beyond.share, nearest=nearest,
             reason=self._reason(detail),
         )  # fmt: skip

@@ -92,7 +92,7 @@ class ZmpRegion(Region, Displayed):
         vertices: Corners on the plane, counterclockwise seen against its normal, in W, shape (k, 3) [m]; none of an empty
             region; of one that is `cut`, of its part within 10 m.
         outer: Corners of a polygon that holds the region, shape (j, 3); those of the region itself with pyramids.
-        weights: Contact forces that prove each corner, as weights over the robot's weight, shape (k, p).
+        weights: Contact forces that certify each corner, as weights over the robot's weight, shape (k, p).
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 3); none if it ends.
         cut: Whether the region goes on beyond 10 m from below the centre of mass, with an end or without, and `vertices` end
             there.

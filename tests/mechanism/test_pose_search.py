@@ -71,7 +71,7 @@ def test_a_stretched_arm_still_reaches() -> None:
 
 @pytest.mark.parametrize("angle", [0.3, 2.0, -1.2])
 def test_out_of_reach_the_distance_is_what_the_arm_lacks(angle: float) -> None:
-    """|p| - (L1 + L2), the arm stretched towards it; that no pose at all reaches it is proved by the lengths alone."""
+    """|p| - (L1 + L2), the arm stretched towards it; that no pose at all reaches it is shown by the lengths alone."""
     r = 1.1
     p = np.array([r * math.cos(angle), r * math.sin(angle), 0.0])
     with pytest.raises(CannotReach, match="There is no pose") as caught:
@@ -80,15 +80,16 @@ def test_out_of_reach_the_distance_is_what_the_arm_lacks(angle: float) -> None:
     assert abs(error.misses["fore_tip"].distance - (r - L1 - L2)) < 1e-12
     assert np.abs(turned(error.q - [angle, 0.0])).max() < 1e-6
     assert error.minimum and error.slope < 1e-9 and not error.limits
-    assert error.proof.apart == pytest.approx(r, abs=1e-15) and error.proof.longest == pytest.approx(L1 + L2, abs=1e-15)
+    why = error.certificate
+    assert why.apart == pytest.approx(r, abs=1e-15) and why.longest == pytest.approx(L1 + L2, abs=1e-15)
 
 
 def test_too_near_the_distance_is_what_the_arm_cannot_fold() -> None:
-    """|L1 - L2| - |p|, folded; lengths prove nothing there, 24 other starts found nothing nearer."""
+    """|L1 - L2| - |p|, folded; lengths show nothing there, 24 other starts found nothing nearer."""
     with pytest.raises(CannotReach, match="None of 24 further starts ended nearer") as caught:
         rbd.find_pose(arm(), {"fore_tip": (0.05, 0.0, 0.0)}, posture=np.array([0.4, 1.0]))
     error = caught.value
-    assert error.proof is None and error.minimum
+    assert error.certificate is None and error.minimum
     assert abs(error.misses["fore_tip"].distance - (L1 - L2 - 0.05)) < 1e-12
     assert abs(abs(turned(error.q)[1]) - math.pi) < 1e-6
 
@@ -122,7 +123,7 @@ def test_a_limit_that_stands_in_the_way_is_named() -> None:
     assert abs(error.misses["fore_tip"].distance - (r - chord)) < 1e-12
     tangential = L1 * L2 * math.sin(0.5) / chord  # of the chord's length, by the elbow's angle
     assert error.limits == {"fore": pytest.approx(-(r - chord) * tangential / robot.joints.length**2, rel=1e-9)}
-    assert error.minimum and error.proof is None
+    assert error.minimum and error.certificate is None
 
 
 def test_a_limit_that_is_met_is_kept_exactly() -> None:
@@ -249,7 +250,7 @@ def test_a_hand_too_far_away_is_told_with_its_proof(talos: rbd.Robot) -> None:
     with pytest.raises(CannotReach, match="No small motion reduces the distance: a true minimum") as caught:
         rbd.find_pose(talos, targets)
     error = caught.value
-    assert error.minimum and error.proof is None and error.slope < 1e-9 and error.limits
+    assert error.minimum and error.certificate is None and error.slope < 1e-9 and error.limits
     assert list(error.misses)[0] == HANDS["talos"][0] and 0.01 < error.misses[HANDS["talos"][0]].distance < 1.0
     assert HANDS["talos"][0] in error.without and HANDS["talos"][0] in str(error)
     check_certificate(talos, targets, error)
@@ -322,11 +323,11 @@ def lengths_and_angles(robot: CheckedModel, targets: dict):
 
 
 def test_places_that_contradict_each_other_are_named(g1: rbd.Robot) -> None:
-    """Two feet farther apart than two legs are long: proved by lengths; either of them left out, the other is met."""
+    """Two feet farther apart than two legs are long: shown by lengths; either of them left out, the other is met."""
     with pytest.raises(CannotReach, match="'left_sole' and 'right_sole' must be 3 m apart") as caught:
         rbd.find_pose(g1, {"left_sole": (0.0, 1.5, 0.0), "right_sole": (0.0, -1.5, 0.0)})
     error = caught.value
-    assert set(error.without) == {"left_sole", "right_sole"} and error.proof.names == ("left_sole", "right_sole")
+    assert set(error.without) == {"left_sole", "right_sole"} and error.certificate.names == ("left_sole", "right_sole")
     for one, other in (("left_sole", "right_sole"), ("right_sole", "left_sole")):
         assert error.misses[one].distance == pytest.approx(error.misses[other].distance, rel=0.05)
 

@@ -50,14 +50,14 @@ def test_a_load_is_moved_as_far_as_so_many_knots_allow(rate: float):
     assert shares[1] >= 1.0 - 0.03 * (100.0 / rate) ** 2 and (rate < 400.0 or most > 0.98 * 0.25 * MU * G * T**2)
     robot, contact = cart((1, 0, 0)), sole(3.0, 3.0)
     plan = planned(robot, contact, 0.99 * most, rate=rate)
-    assert plan.proved and len(plan.curve.t) == round(rate * T) + 1
+    assert plan.certified and len(plan.curve.t) == round(rate * T) + 1
     with pytest.raises(CannotPlan, match="rate=") as caught:
         planned(robot, contact, 1.01 * most, rate=rate)
     assert caught.value.momentum is None
 
 
 def test_friction_of_a_load_whose_height_is_given():
-    """What it may rise and fall for, twice as much, is refused with the proof of the momentum."""
+    """What it may rise and fall for, twice as much, is refused with the certificate of the momentum."""
     robot, contact, most = cart((1, 0, 0)), sole(3.0, 3.0), 0.25 * MU * G * T**2
     share = MASS / (MASS + PLATE)
     with pytest.raises(CannotPlan) as caught:
@@ -80,7 +80,7 @@ def test_acceleration_is_friction(rng: np.random.Generator):
 def test_a_lifted_load_presses_with_its_weight_and_its_acceleration(rng: np.random.Generator):
     """One contact: m (g + a) in sum, and the motor's force m_load (g + a)."""
     plan, d = planned(cart((0, 0, 1)), sole(0.3, 0.3), 0.4), 1e-4
-    assert plan.proved
+    assert plan.certified
     for t in rng.uniform(0.02, T - 0.02, 20):
         z = [plan.state(x).com[2] for x in (t - d, t, t + d)]
         a = (z[2] - 2.0 * z[1] + z[0]) / d**2
@@ -97,7 +97,7 @@ def test_it_rests_where_the_support_region_says():
         assert rbd.statics.support_region(end, [contact]).distance() == pytest.approx(0.3 * (1.0 - share), abs=1e-9)
         if share < 1.0:
             plan = planned(robot, contact, share * edge, 3.0)
-            assert plan.proved
+            assert plan.certified
             total = plan.forces(3.0)["sole"].sum(axis=0)
             A, bias, _ = plan.state(3.0).centroidal()
             rate = A[:3] @ plan.acceleration(3.0) + bias[:3]  # nearly at rest: what the spline leaves
@@ -117,7 +117,7 @@ def test_where_it_stands_still_it_is_the_pose_that_was_found():
     places = {foot.name: foot.points(stand).positions[0] for foot in solo.feet()}
     found = rbd.find_pose(solo, places, com=com).state
     plan = rbd.plan(solo, {0.0: stand, 0.8: {"com": com}}, feet, progress=False)
-    assert plan.proved and plan.state(0.8).com == pytest.approx(com, abs=1e-9)
+    assert plan.certified and plan.state(0.8).com == pytest.approx(com, abs=1e-9)
     assert plan.state(0.8).q == pytest.approx(found.q, abs=1e-6)
 
 

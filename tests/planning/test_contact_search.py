@@ -40,11 +40,11 @@ def gap(width: float) -> rbd.Terrain:
 
 
 def test_onto_a_box(talos: rbd.Robot, exhaustive: bool):
-    """20 cm: one foot, then the other; proved. In an exhaustive run it is followed without a violated step."""
+    """20 cm: one foot, then the other; certified. In an exhaustive run it is followed without a violated step."""
     terrain = box(0.2)
     keys = {0.0: talos.standing(), 5.0: moved(talos, [0.4, 0.0, 0.2])}
     plan = rbd.plan(talos, keys, "search", ground=terrain, progress=False)
-    assert plan.proved and plan.state(5.0).com[2] > plan.state(0.0).com[2] + 0.15
+    assert plan.certified and plan.state(5.0).com[2] > plan.state(0.0).com[2] + 0.15
     spans = {foot.name: plan.contacts.intervals(foot.name) for foot in talos.feet()}
     assert all(len(own) == 2 for own in spans.values())
     (a, b), (c, d) = sorted((own[0][1], own[1][0]) for own in spans.values())
@@ -72,7 +72,7 @@ def test_over_a_gap(solo: rbd.Robot, exhaustive: bool):
         assert not 0.22 - 0.015 < step.X.translation[0] < 0.37 + 0.015
     if exhaustive:
         plan = rbd.plan(solo, keys, "search", ground=terrain, progress=False)
-        assert plan.proved
+        assert plan.certified
         follow(plan, terrain)
 
 
@@ -123,7 +123,7 @@ def test_a_gap_that_is_leapt(solo: rbd.Robot, exhaustive: bool):
     if exhaustive:
         assert next(search.sequences(), None) is None  # it cannot be stepped over
         plan = rbd.plan(solo, keys, "search", ground=terrain, progress=False)
-        assert plan.proved
+        assert plan.certified
         follow(plan, terrain)
 
 
@@ -178,7 +178,7 @@ def test_a_hand_on_a_rail_where_legs_are_too_weak(talos: rbd.Robot, exhaustive: 
     assert spans.intervals("hand")[0][1] > max(spans.intervals(foot.name)[1][0] for foot in search.feet)
     if exhaustive:
         plan = rbd.plan(weak, keys, "search", ground=terrain, hands=[hand], progress=False)
-        assert plan.proved and plan.contacts.intervals("hand") and plan.torque_use <= 1.0
+        assert plan.certified and plan.contacts.intervals("hand") and plan.torque_use <= 1.0
         follow(plan, terrain, hand)
 
 

@@ -76,15 +76,15 @@ def test_there_and_back_within_reach_is_an_eighth_of_mu_g_T_squared(share: float
         asked([stay(0.0, T, sole(50.0), mu)], T, [0.0, 0.0, 0.0]),
         near=(Near("floor", 0.5 * T, np.array([share * most + radius, 0.0, 0.0]), radius),),
     )
-    proof = m.proof()
-    assert (proof is None) == (share < 1.0)
-    if proof is not None:
-        assert {limit.kind for limit in proof.limits} == {"friction", "reach", "keyframe"}
-        check(proof, rng)
-        assert proof.helps == pytest.approx(
+    why = m.certificate()
+    assert (why is None) == (share < 1.0)
+    if why is not None:
+        assert {limit.kind for limit in why.limits} == {"friction", "reach", "keyframe"}
+        check(why, rng)
+        assert why.helps == pytest.approx(
             {"friction": share, "time": np.sqrt(share), "reach": 1.0 + (share - 1.0) * most / radius}, abs=2e-3
         )
-        assert "the length of the limbs from 'floor'" in str(proof) and f"{mu * share:.3g} instead of 0.5" in str(proof)
+        assert "the length of the limbs from 'floor'" in str(why) and f"{mu * share:.3g} instead of 0.5" in str(why)
 
 
 def leaps(solo: rbd.Robot, by: float, front: Any, hind: Any, T: float = 2.0) -> tuple[dict[float, Any], dict[str, Any]]:
@@ -95,7 +95,7 @@ def leaps(solo: rbd.Robot, by: float, front: Any, hind: Any, T: float = 2.0) -> 
 
 
 def test_feet_that_stand_too_far_apart_for_a_time(solo: rbd.Robot):
-    """In no keyframe, but between: front feet land 90 cm ahead before the hind feet leave. Refused with the proof."""
+    """In no keyframe, but between: front feet land 90 cm ahead before the hind feet leave. Refused with the certificate."""
     keys, feet = leaps(solo, 0.9, [(0.0, 0.5), (0.9, 2.0)], [(0.0, 1.0), (1.5, 2.0)])
     with pytest.raises(CannotPlan, match="links between have a length of 1.1") as caught:
         rbd.plan(solo, keys, feet, progress=False)
@@ -109,7 +109,7 @@ def test_a_leap_is_refused_by_friction_and_by_the_length_of_legs(solo: rbd.Robot
     """3 m in half a second of flight, after a second on a floor of 0.2: possible, if not within reach of its feet."""
     keys, feet = leaps(solo, 3.0, [(0.0, 1.0), (1.5, 2.5)], [(0.0, 1.0), (1.5, 2.5)], 2.5)
     m = Momentum.of(planned_contacts(solo, keys, feet, friction=0.2, ground=0.0))
-    proof = m.proof()
-    assert proof is not None and {limit.kind for limit in proof.limits} >= {"friction", "flight", "reach"}
-    check(proof, rng)
-    assert replace(m, near=()).proof() is None
+    why = m.certificate()
+    assert why is not None and {limit.kind for limit in why.limits} >= {"friction", "flight", "reach"}
+    check(why, rng)
+    assert replace(m, near=()).certificate() is None

@@ -60,13 +60,13 @@ def test_a_hop_lands_early_and_late(hop: Plan, ground: float):
 
 
 def test_a_humanoid_hops():
-    """G1 rises by 11 cm, its soles by 7: proved; torques alone hold its feet; it lands and stands, nothing violated."""
+    """G1 rises by 11 cm, its soles by 7: certified; torques alone hold its feet; it lands and stands, nothing violated."""
     g1 = rbd.load_robot("g1")
     stand = g1.standing()
     low, off = ({"com": stand.com - [0.0, 0.0, by]} for by in (0.10, 0.06))
     keys = {0.0: stand, 0.4: low, 0.6: off, 0.9: off, 1.1: low, 1.5: stand}
     plan = rbd.plan(g1, keys, {foot.name: [(0.0, 0.6), (0.9, 1.5)] for foot in g1.feet()}, progress=False)
-    assert plan.proved and plan.missing < FALLS and plan.torque_use < 1.0
+    assert plan.certified and plan.missing < FALLS and plan.torque_use < 1.0
     assert plan.state(0.75).com[2] - plan.state(0.6).com[2] == pytest.approx(9.81 * 0.3**2 / 8.0, abs=2e-3 * 9.81 * 0.3**2)
     soles = g1.feet(friction=0.6, on=0.0)
     assert min(sole.points(plan.state(0.75)).gaps.min() for sole in soles) > 0.07
@@ -81,7 +81,7 @@ def test_a_humanoid_hops():
 
 
 def test_a_humanoid_gets_up_from_one_knee(exhaustive: bool):
-    """G1 from its right knee and toes and its left sole to standing: proved, 0.1 mm by torques alone; followed to its end."""
+    """G1 from its right knee and toes and its left sole to standing: certified, 0.1 mm by torques alone; and followed."""
     g1 = rbd.load_robot("g1")
     stand = g1.standing()
     left, right = g1.feet(friction=0.6, on=0.0)
@@ -104,7 +104,7 @@ def test_a_humanoid_gets_up_from_one_knee(exhaustive: bool):
     keys = {0.0: kneels, 1.4: over, 2.0: swings, 2.8: rises, 3.8: stand}
     stays = {"left_sole": True, "right_sole": [(2.8, 3.8)], knee: [(0.0, 1.6)], toes: [(0.0, 1.6)]}
     plan = rbd.plan(g1, keys, stays, progress=False)
-    assert plan.proved and plan.forces(0.5)["right_knee"][0, 2] > 30.0
+    assert plan.certified and plan.forces(0.5)["right_knee"][0, 2] > 30.0
     assert stand.com[2] - kneels.com[2] > 0.2
     assert rbd.check_motion(plan.motion).share_possible == 1.0
     contacts = plan.contacts.standing(0.0)

@@ -106,7 +106,7 @@ def test_where_none_is_found_the_longest_is_told(leap: PlannedContacts):
 
 
 def test_a_squat_gets_as_much_time_as_it_needs(solo: rbd.Robot, monkeypatch: pytest.MonkeyPatch):
-    """12 cm down and up in 0.16 s is none; what is found is proved, slower, and keeps to its keyframes."""
+    """12 cm down and up in 0.16 s is none; what is found is certified, slower, and keeps to its keyframes."""
     stand, feet = solo.standing(), {foot.name: True for foot in solo.feet()}
     keys = {0.0: stand, 0.08: {"com": stand.com - [0.0, 0.0, 0.12]}, 0.16: stand}
     monkeypatch.setattr(free_times, "PLANS", 4)
@@ -114,7 +114,7 @@ def test_a_squat_gets_as_much_time_as_it_needs(solo: rbd.Robot, monkeypatch: pyt
     with pytest.raises(CannotPlan):
         rbd.plan(solo, keys, feet, progress=False)
     plan = rbd.plan(solo, keys, feet, times="free", progress=False)
-    assert plan.proved and 0.16 < plan.duration < 0.8
+    assert plan.certified and 0.16 < plan.duration < 0.8
     assert plan.contacts.keys[1][0] == pytest.approx(0.5 * plan.duration, abs=0.5 * (plan.curve.t[1] - plan.curve.t[0]) + 1e-9)
 
 

@@ -133,7 +133,7 @@ def test_there_are_fifty():
 
 @pytest.mark.parametrize("task", TASKS, ids=str)
 def test_it_is_refused_by_the_right_limits(task: Task, exhaustive: bool):
-    """Out of reach with the nearest pose, or with limits of a kind that the task exceeds, and the proof or the nearest plan."""
+    """Out of reach with the nearest pose, or with limits that the task exceeds, and the certificate or the nearest plan."""
     if not exhaustive and str(task) not in FEW:
         pytest.skip("run by make exhaustive")
     with pytest.raises(RbdError) as caught:

@@ -1,4 +1,4 @@
-"""What contacts can do to the momentum of a whole plan: closed forms, linear programs on fine grids, proved plans."""
+"""What contacts can do to the momentum of a whole plan: closed forms, linear programs on fine grids, certified plans."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import rbd
 from rbd.centroid import CentroidProgram
 from rbd.constraints.convex.polygons import across
 from rbd.errors import CannotPlan, NoSolution
-from rbd.planning import MomentumProof, Plan
-from rbd.planning.momentum import PROVES, Momentum, Standing
+from rbd.planning import MomentumCertificate, Plan
+from rbd.planning.momentum import COUNTS, Momentum, Standing
 from rbd.planning.stays import planned_contacts
 
 G, MASS = 9.81, 5.0
@@ -40,19 +40,19 @@ def asked(stays: list[Standing], t: Any, com: Any, rests: bool = True) -> Moment
     return Momentum(MASS, DOWN, tuple(stays), np.atleast_1d(t), np.atleast_2d(com), rests)
 
 
-def check(proof: MomentumProof, rng: np.random.Generator) -> None:
+def check(why: MomentumCertificate, rng: np.random.Generator) -> None:
     """At random instants and corners f . u is not negative of any force in its cone; what is needed is; no limit is idle."""
-    m = proof.asked
+    m = why.asked
     for s in m.stays:
         for t in rng.uniform(s.start, s.end, 40):
-            u = np.array([s.axes @ proof.direction(t, p) for p in s.points])
-            assert (s.friction * np.linalg.norm(u[:, :2], axis=1) - u[:, 2]).max() <= proof.missing / proof.reach + 1e-12
+            u = np.array([s.axes @ why.direction(t, p) for p in s.points])
+            assert (s.friction * np.linalg.norm(u[:, :2], axis=1) - u[:, 2]).max() <= why.missing / why.reach + 1e-12
             assert np.linalg.norm(u, axis=1).max() <= 1.0 + 1e-9
-    assert proof.missing > 0.0 and proof.reach > 1e3 * m.weight * m.t[-1]
-    gone = [limit for limit in m.limits if limit not in proof.limits]
-    gone = [x for x in gone if x.kind != "push" or not any(y.name == x.name for y in proof.limits)]
-    for limit in proof.limits:
-        assert m.solved([*gone, limit])[0] < PROVES
+    assert why.missing > 0.0 and why.reach > 1e3 * m.weight * m.t[-1]
+    gone = [limit for limit in m.limits if limit not in why.limits]
+    gone = [x for x in gone if x.kind != "push" or not any(y.name == x.name for y in why.limits)]
+    for limit in why.limits:
+        assert m.solved([*gone, limit])[0] < COUNTS
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.5, 1.0])
@@ -61,11 +61,11 @@ def test_a_mass_is_moved_by_half_mu_g_T_squared(mu: float, T: float, rng: np.ran
     """From rest to rest on a wide floor, its height free: impulses m g T / 2 at both ends. One percent more is refused."""
     most = 0.5 * mu * G * T**2
     floor = stay(0.0, T, sole(50.0), mu)
-    assert asked([floor], T, [0.99 * most, 0.0, 0.0]).proof() is None
-    proof = asked([floor], T, [1.01 * most, 0.0, 0.0]).proof()
-    assert proof is not None and [(x.kind, x.name) for x in proof.limits] == [("friction", "floor"), ("keyframe", f"{T:g} s")]
-    check(proof, rng)
-    assert proof.helps == pytest.approx({"time": np.sqrt(1.01), "friction": 1.01, "distance": 1.01}, abs=1.5e-3)
+    assert asked([floor], T, [0.99 * most, 0.0, 0.0]).certificate() is None
+    why = asked([floor], T, [1.01 * most, 0.0, 0.0]).certificate()
+    assert why is not None and [(x.kind, x.name) for x in why.limits] == [("friction", "floor"), ("keyframe", f"{T:g} s")]
+    check(why, rng)
+    assert why.helps == pytest.approx({"time": np.sqrt(1.01), "friction": 1.01, "distance": 1.01}, abs=1.5e-3)
 
 
 def test_acceleration_is_at_most_mu_g_where_its_height_does_not_change(rng: np.random.Generator):
@@ -75,30 +75,30 @@ def test_acceleration_is_at_most_mu_g_where_its_height_does_not_change(rng: np.r
     for share, found in ((0.98, False), (1.02, True)):
         a = share * mu * G
         x = np.where(t < 0.5 * T, 0.5 * a * t**2, a * (T * t - 0.25 * T**2 - 0.5 * t**2))
-        proof = asked([stay(0.0, T, sole(50.0), mu)], t, np.stack([x, 0.0 * x, 0.0 * x], axis=1)).proof()
-        assert (proof is not None) == found
-    assert proof is not None and any(limit.kind == "friction" for limit in proof.limits)
-    check(proof, rng)
+        why = asked([stay(0.0, T, sole(50.0), mu)], t, np.stack([x, 0.0 * x, 0.0 * x], axis=1)).certificate()
+        assert (why is not None) == found
+    assert why is not None and any(limit.kind == "friction" for limit in why.limits)
+    check(why, rng)
 
 
 def test_the_mass_in_flight_falls(rng: np.random.Generator):
     """Keyframes in the air at one height contradict each other, and nothing but the flight and they are named."""
     t = np.array([0.4, 0.5, 0.6, 1.0])
-    proof = asked([stay(0.0, 0.4, sole(0.2), 0.7), stay(0.6, 1.0, sole(0.2), 0.7)], t, np.zeros((4, 3))).proof()
-    assert proof is not None and {limit.kind for limit in proof.limits} == {"flight", "keyframe"}
-    assert str(proof.limits[0]) == "the time from 0.4 to 0.6 s, in which nothing stands"
-    check(proof, rng)
+    why = asked([stay(0.0, 0.4, sole(0.2), 0.7), stay(0.6, 1.0, sole(0.2), 0.7)], t, np.zeros((4, 3))).certificate()
+    assert why is not None and {limit.kind for limit in why.limits} == {"flight", "keyframe"}
+    assert str(why.limits[0]) == "the time from 0.4 to 0.6 s, in which nothing stands"
+    check(why, rng)
     fallen = np.array([[0.0, 0.0, z] for z in (0.0, 0.125 * G * 0.2**2, 0.0, 0.0)])
-    assert asked(list(proof.asked.stays), t, fallen).proof() is None
+    assert asked(list(why.asked.stays), t, fallen).certificate() is None
 
 
 def test_at_rest_without_a_contact(rng: np.random.Generator):
     """Nothing stands before 0.3 s, and the mass is to be where it was: it can be thrown, but not lie in wait."""
     late = [stay(0.3, 1.0, sole(0.2), 0.7)]
-    assert asked(late, 1.0, [0.0, 0.0, 0.0]).proof() is None
-    proof = asked(late, [0.2, 1.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]).proof()
-    assert proof is not None and {limit.kind for limit in proof.limits} == {"flight", "keyframe"}
-    check(proof, rng)
+    assert asked(late, 1.0, [0.0, 0.0, 0.0]).certificate() is None
+    why = asked(late, [0.2, 1.0], [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]).certificate()
+    assert why is not None and {limit.kind for limit in why.limits} == {"flight", "keyframe"}
+    check(why, rng)
 
 
 def test_the_edge_of_a_sole(rng: np.random.Generator):
@@ -107,10 +107,10 @@ def test_the_edge_of_a_sole(rng: np.random.Generator):
     found = []
     for side in (half, 50.0):
         for d in np.linspace(0.02, 0.7, 35):
-            proof = asked([stay(0.0, T, sole(side, (0.0, 0.0, -h)), 0.5)], T, [d, 0.0, 0.0]).proof()
-            if proof is not None:
-                found.append((d, {limit.kind for limit in proof.limits}))
-                check(proof, rng)
+            why = asked([stay(0.0, T, sole(side, (0.0, 0.0, -h)), 0.5)], T, [d, 0.0, 0.0]).certificate()
+            if why is not None:
+                found.append((d, {limit.kind for limit in why.limits}))
+                check(why, rng)
                 break
     (narrow, kinds), (wide, others) = found
     assert "edge" in kinds and "edge" not in others
@@ -143,13 +143,13 @@ def test_linear_programs_agree(k: int, rng: np.random.Generator):
         at = np.array([*rng.uniform(-0.2, 0.2, 2), -rng.uniform(0.3, 0.6)])
         stays.append(stay(start, end, sole(0.05, at), 0.4, n, f"foot {i}"))
     m = asked(stays, T, [*rng.uniform(-0.6, 0.6, 2), 0.0])
-    proof = m.proof()
-    if proof is None:
+    why = m.certificate()
+    if why is None:
         assert m.solved()[0] < 1e-4 and by_linear_program(m.rougher(1.02).slower(1.001), True)
     else:
-        check(proof, rng)
+        check(why, rng)
         assert not by_linear_program(m, True)
-        factor = proof.helps["friction"]
+        factor = why.helps["friction"]
         assert by_linear_program(m.rougher(1.03 * factor), True)
         assert not by_linear_program(m.rougher(0.97 * factor), False)
 
@@ -168,7 +168,7 @@ def hop(solo: rbd.Robot) -> Plan:
 def test_forces_of_a_proved_plan_give_what_is_needed(hop: Plan):
     """Sums of f . u over a hop's own forces, by Gauss's rule, for each multiplier."""
     m, x, first = Momentum.of(hop.contacts), hop.intervals, hop.contacts.keys[0][1].com
-    assert m.proof() is None
+    assert m.certificate() is None
     given = np.zeros(len(m.need))
     for start, end in zip(x.start, x.end, strict=True):
         for z, weight in zip(*np.polynomial.legendre.leggauss(2), strict=True):
@@ -187,7 +187,7 @@ def test_forces_of_a_proved_plan_give_what_is_needed(hop: Plan):
 
 
 def test_too_little_friction_is_refused_before_anything_is_planned(solo: rbd.Robot, rng: np.random.Generator):
-    """Friction of all feet, the flight and the keyframe; with its proof, no plan, and what would help."""
+    """Friction of all feet, the flight and the keyframe; with its certificate, no plan, and what would help."""
     stand, feet = solo.standing(), {foot.name: [(0.0, 0.2), (0.4, 0.6)] for foot in solo.feet()}
     keys = {0.0: stand, 0.6: stand.q + 0.3 * np.eye(solo.nq)[0]}
     with pytest.raises(CannotPlan, match="friction of 'front_left'.*0.194 instead of 0.1") as caught:
@@ -195,7 +195,8 @@ def test_too_little_friction_is_refused_before_anything_is_planned(solo: rbd.Rob
     error = caught.value
     assert error.plan is None and error.irreducible and error.certificate is error.momentum
     assert error.limits == error.momentum.limits
-    least = MomentumProof(replace(error.momentum.asked, near=()), error.momentum.y, (), error.momentum.t).helps["friction"]
+    why = error.momentum
+    least = MomentumCertificate(replace(why.asked, near=()), why.y, (), why.t).helps["friction"]
     assert least == pytest.approx(0.3 / (0.5 * 0.1 * G * 0.6**2), abs=2e-3) and error.helps["friction"] > least
     assert min(error.t) >= 0.0 and max(error.t) <= 0.6
     check(error.momentum, rng)

@@ -1,4 +1,4 @@
-"""Plans: proofs against inverse dynamics at random instants, open loop and followed; what is refused, by which limits."""
+"""Plans: certificates against inverse dynamics at random instants, open loop and followed; what is refused, by which limits."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def moved(robot: rbd.Robot, state: rbd.State, foot: str, by: list[float]) -> Any
 
 
 def check_instants(plan: Plan, rng: np.random.Generator, n: int = 12) -> None:
-    """At random instants the motion is possible by inverse dynamics, which shares nothing with the proof but the robot."""
+    """At random instants the motion is possible by inverse dynamics, which shares only the robot with the certificate."""
     for t in rng.uniform(plan.curve.t[0], plan.curve.t[-1], n):
         contacts = [c.with_friction(0.6) for c in plan.contacts.standing(t)]
         state = rbd.mechanism.project_velocity(plan.state(t), contacts)
@@ -68,7 +68,7 @@ def test_keyframes_are_met_at_rest(squat: Plan, talos: rbd.Robot):
         assert np.abs(squat.state(t).q - stand.q).max() < 1e-12
         assert np.abs(squat.state(t).v).max() < 1e-12
     assert squat.state(0.8).com[2] == pytest.approx(stand.com[2] - 0.08, abs=5e-3)
-    assert squat.proved and "possible at every instant, proved" in str(squat)
+    assert squat.certified and "possible at every instant, certified" in str(squat)
     assert squat.missing < 1e-9 and squat.drift < 1e-3 and 0.0 < squat.torque_use < 1.0 and squat.friction_use < 1.0
 
 
@@ -87,7 +87,7 @@ def hop(solo: rbd.Robot) -> Plan:
 
 def test_a_hop_is_a_throw(hop: Plan, solo: rbd.Robot):
     """The centre of mass rises by g T^2 / 8 = 11 cm on a parabola, without angular momentum, as far as `missing` allows."""
-    assert hop.proved and 0.0 < hop.missing < FALLS
+    assert hop.certified and 0.0 < hop.missing < FALLS
     t, g = np.linspace(0.0, 0.3, 31), 9.81
     states = [hop.state(0.4 + x) for x in t]
     z = np.array([state.com[2] for state in states])
@@ -112,7 +112,7 @@ def test_point_feet_push_within_cones_about_the_grounds_normal(lifted: Plan):
 def test_every_instant_is_possible(which: str, request: pytest.FixtureRequest, rng: np.random.Generator):
     """Of instants that are no ends of intervals, by other forces."""
     plan = request.getfixturevalue(which)
-    assert plan.proved
+    assert plan.certified
     check_instants(plan, rng)
 
 
@@ -232,14 +232,14 @@ def test_a_plan_is_followed(step: Plan, talos: rbd.Robot):
 
 
 def test_onto_a_box(talos: rbd.Robot, rng: np.random.Generator):
-    """20 cm up, foot after foot, on terrain: proved, and possible by inverse dynamics at random instants."""
+    """20 cm up, foot after foot, on terrain: certified, and possible by inverse dynamics at random instants."""
     stand = talos.standing()
     terrain = rbd.Terrain.boxes(((-1.0, -1.0, -1.0), (2.0, 1.0, 0.0)), ((0.25, -1.0, 0.0), (1.5, 1.0, 0.2)))
     right, left = (moved(talos, stand, foot, [0.4, 0.0, 0.2]) for foot in ("right_sole", "left_sole"))
     contacts = {"left_sole": [(0.0, 3.0), (4.0, 4.5)], "right_sole": [(0.0, 0.8), (1.8, 4.5)]}
     keys = {0.0: stand, 2.0: {"right_sole": right}, 4.5: {"right_sole": right, "left_sole": left}}
     plan = rbd.plan(talos, keys, contacts, ground=terrain, progress=False)
-    assert plan.proved and plan.state(4.5).com[2] > stand.com[2] + 0.15
+    assert plan.certified and plan.state(4.5).com[2] > stand.com[2] + 0.15
     check_instants(plan, rng)
 
 
@@ -248,7 +248,7 @@ def test_two_points_resist_all_but_one_wrench(solo: rbd.Robot):
     stand = solo.standing()
     contacts = {foot.name: True for foot in solo.feet()}
     plan = rbd.plan(solo, {0.0: stand, 0.8: {"com": stand.com - [0.0, 0.0, 0.04]}}, contacts, progress=False)
-    assert plan.proved and plan.missing < FALLS
+    assert plan.certified and plan.missing < FALLS
     assert set(plan.forces(0.4)) == set(contacts) and plan.torques(0.4).shape == (solo.nu,)
     total = sum(f.sum(axis=0) for f in plan.forces(0.0).values())
     assert total == pytest.approx([0.0, 0.0, solo.mass * 9.81], abs=0.02 * solo.mass * 9.81)
@@ -263,7 +263,7 @@ class TestRefused:
         with pytest.raises(CannotPlan, match="the edge of 'left_sole'") as caught:
             rbd.plan(talos, {0.0: stand, 0.15: {"com": stand.com + [0.1, 0.0, 0.0]}, 0.3: stand}, FEET, progress=False)
         error = caught.value
-        assert len(error.t) > 3 and not error.plan.proved and error.irreducible
+        assert len(error.t) > 3 and not error.plan.certified and error.irreducible
         assert {"edge", "base"} <= {limit.kind for limit in error.limits}
 
     def test_too_weak(self, talos: rbd.Robot):
@@ -388,7 +388,7 @@ def test_onto_a_box_with_a_hand_on_a_rail(talos: rbd.Robot, exhaustive: bool):
     keys = {0.0: stand, 1.0: {hand: place}, 2.8: {**right, hand: place}, 5.0: {**right, **left}}
     stays = {"left_sole": [(0.0, 3.4), (4.4, 5.0)], "right_sole": [(0.0, 1.4), (2.4, 5.0)], hand: [(1.0, 3.2)]}
     plan = rbd.plan(talos, keys, stays, ground=terrain, progress=False)
-    assert plan.proved and plan.forces(2.0)["hand"][0, 2] > 50.0
+    assert plan.certified and plan.forces(2.0)["hand"][0, 2] > 50.0
     assert plan.between.beyond.max() < 1e-9  # a joint of the left arm is at its limit, and not beyond it between two knots
     assert plan.between.beyond[plan.between.names.index("arm_left_7_joint")] > -2e-3
     if not exhaustive:
@@ -422,7 +422,7 @@ def test_over_a_gap(solo: rbd.Robot, exhaustive: bool):
             own.append((start, t + 0.5))
         start = t + 0.8
     plan = rbd.plan(solo, keys, {foot: [*own, (start, 1.3 * n)] for foot, own in stays.items()}, ground=terrain, progress=False)
-    assert plan.proved and plan.state(1.3 * n).com[0] == pytest.approx(stand.com[0] + leap * n, abs=1e-6)
+    assert plan.certified and plan.state(1.3 * n).com[0] == pytest.approx(stand.com[0] + leap * n, abs=1e-6)
     front = [foot.points(plan.state(1.3 * n)).positions[0, 0] for foot in solo.feet() if foot.name.startswith("front")]
     assert min(front) > 0.37
     if not exhaustive:

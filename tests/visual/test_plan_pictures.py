@@ -1,4 +1,4 @@
-"""Plans on pages and strips: forces balance the motion, contacts have lanes, what is not proved shows what is missing."""
+"""Plans on pages and strips: forces balance the motion, contacts have lanes, what is not certified shows what is missing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import rbd
 from rbd.errors import CannotPlan
 from rbd.planning import Plan
 from rbd.simulation.simulated_motion import OPEN, STICKS
-from rbd.visual.playback.plan_motion import UNPROVED, shown_plan
+from rbd.visual.playback.plan_motion import UNCERTIFIED, shown_plan
 from rbd.visual.playback.report_motion import MOMENT_ARM
 
 
@@ -65,14 +65,14 @@ def test_shown_forces_balance_the_motion(lifted: Plan):
     inner = (lifted.t > start + 0.03) & (lifted.t < end - 0.03)
     assert set(stands[inner]) == {OPEN} and set(stands[(lifted.t < start - 0.03) | (lifted.t > end + 0.03)]) == {STICKS}
     assert np.isnan(shown.points["front_left"][inner]).all() and not shown.point_forces["front_left"][inner].any()
-    assert not shown.pushes and UNPROVED not in shown.modes
+    assert not shown.pushes and UNCERTIFIED not in shown.modes
     assert [(e.name, e.kind) for e in shown.events] == [("front_left", "leaves"), ("front_left", "touches")]
 
 
 def test_what_is_not_proved_is_shown_with_what_is_missing(hasty: Plan):
     """A lane of its own, and the wrench that contacts do not give there; nothing elsewhere."""
     shown = shown_plan(hasty)
-    bad = np.array(shown.modes[UNPROVED]) != OPEN
+    bad = np.array(shown.modes[UNCERTIFIED]) != OPEN
     x = hasty.intervals
     times = [hasty.t[(hasty.t >= a) & (hasty.t < b)] for a, b in zip(x.start[~x.sure], x.end[~x.sure], strict=True)]
     assert set(hasty.t[bad][:-1]) <= set(np.concatenate(times)) and bad.any()
@@ -83,11 +83,11 @@ def test_what_is_not_proved_is_shown_with_what_is_missing(hasty: Plan):
     arm = np.nan_to_num(np.concatenate(list(shown.points.values()), axis=1) - force.points)
     turned = MOMENT_ARM * moment.forces[:, 0] + np.cross(arm, forces).sum(axis=1)
     assert turned[bad] == pytest.approx(wrench(hasty)[bad, 3:], abs=1e-6)
-    assert "proved in" in shown.title
+    assert "certified in" in shown.title
 
 
 def test_pages_are_written(lifted: Plan, hasty: Plan, tmp_path: Path):
-    """With lanes of contacts, charts of forces, and what is not proved."""
+    """With lanes of contacts, charts of forces, and what is not certified."""
     good, bad = (rbd.visual.export_motion(plan, tmp_path / f"{i}.html").read_text() for i, plan in enumerate((lifted, hasty)))
-    assert "front_left" in good and "contact forces, N" in good and UNPROVED not in good
-    assert UNPROVED in bad and "missing force" in bad
+    assert "front_left" in good and "contact forces, N" in good and UNCERTIFIED not in good
+    assert UNCERTIFIED in bad and "missing force" in bad

@@ -1,4 +1,4 @@
-"""Plots of plans: forces that carry the weight, what is used of limits, contacts, and what is not proved."""
+"""Plots of plans: forces that carry the weight, what is used of limits, contacts, and what is not certified."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_curves_of_forces_carry_the_weight(plan: Plan, robot: rbd.Robot):
 
 
 def test_what_is_not_proved_is_a_band(robot: rbd.Robot):
-    """In every panel, over the instants that the error names; and none of a plan that is proved."""
+    """In every panel, over the instants that the error names; and none of a plan that is certified."""
     stand, feet = robot.standing(), {foot.name: True for foot in robot.feet()}
     far = {"com": stand.com + [0.1, 0.0, 0.0]}
     with pytest.raises(CannotPlan) as caught:

@@ -12,8 +12,8 @@ Rows in the units they are given in, W a diagonal of weights. Its dual is a prog
 
     minimise 1/2 |W^-1 f|^2 + f . offset     subject to     J^T f = 0 ,
 
-so that the violation is itself a proof that there is no answer (see `rbd.answers.analysis.infeasibility`), and J^T f = 0, c + s
-in K*, f . (c + s) = 0 together prove that no violation is smaller. `rbd.solvers.conic_newton` solves it; `Conic.miss` checks
+so that the violation itself certifies that there is no answer (see `rbd.answers.analysis.infeasibility`), and J^T f = 0, c + s
+in K*, f . (c + s) = 0 together show that no violation is smaller. `rbd.solvers.conic_newton` solves it; `Conic.miss` checks
 these, whatever the solver says.
 """
 

@@ -1,7 +1,7 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.solvers.conic_newton` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
+`rbd.solvers.conic_newton` [Rockafellar1976]; a dual bound shows when they are within `EXACT` of the maximum. Where they do
 not converge (sets without an interior, unbounded functions), by Clarabel and Newton's method from its point. Extreme values are
 attained.
 
@@ -28,7 +28,7 @@ _TOUCHING = 8
 _FAR = 1e4
 _THIN = ((1e8, "highs"), (1e8, "highs-ipm"), (1e6, "highs"))
 """(scale, method) tried in turn: widths below one part in the scale count as zero, and programs are hard at that scale."""
-_PROVED = 1e-9
+_EXCESS = 1e-9
 """Largest excess of what Clarabel finds, by its multipliers, over the size of the forces."""
 _INTERIOR_STEPS = 20.0
 """Steps of an interior-point method, for the count of the work."""
@@ -129,7 +129,7 @@ class Reach:
         return T, y, Conic.of({"rays": rays}, [({"rays": across @ T}, across @ self.start)])
 
     def _by_proximal_steps(self, function: Array) -> Array | None:
-        """Where the function is largest; None where a dual bound does not prove convergence."""
+        """Where the function is largest; None where a dual bound does not show convergence."""
         T, y, program = self.rays
         q = function @ T
         scale = max_abs(q)
@@ -199,12 +199,12 @@ class Reach:
             wider = replace(
                 program, H=H, g=g - H @ out, b=program.b + program.A @ out, lower=program.lower - by, upper=program.upper + by
             )
-            found = interior_point(wider)  # the set is not empty: no proof of that need be looked for
+            found = interior_point(wider)  # the set is not empty: no certificate that it is need be looked for
             if found.outcome is Outcome.UNBOUNDED:
                 return Outcome.UNBOUNDED, None
             found = settled(wider, found, EXACT) or found
-            near = found.solved or wider.outside(found.x) <= _PROVED
-            if near and (found.solved or wider.excess(found.x, found.y, found.z) <= _PROVED):
+            near = found.solved or wider.outside(found.x) <= _EXCESS
+            if near and (found.solved or wider.excess(found.x, found.y, found.z) <= _EXCESS):
                 self.thin = self.thin or by > 0.0
                 return Outcome.SOLVED, self.adm.kept(self.adm.size * (T @ (found.x - out)))
         return Outcome.NOT_FOUND, None

@@ -48,7 +48,7 @@ class Contradiction(Displayed):
             distance to the dual cone.
         smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
             set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
-        unbalanced: Largest entry of `|J^T f|`. The proof is valid for motions with `sum |a_i| < 1 / unbalanced`.
+        unbalanced: Largest entry of `|J^T f|`. The certificate is valid for motions with `sum |a_i| < 1 / unbalanced`.
         law: The law whose rows they are.
         met: {bilateral constraint: the feasible part of its required -offset, shape (m,)}, by least
             squares over all bilateral rows, in their units [m/s2, rad/s2].
@@ -101,7 +101,7 @@ class Contradiction(Displayed):
         size = "No smaller set does." if self.smallest else "A smaller set was not excluded."
         lines = [
             f"{self.claim} (law {self.law}). {size}",
-            "Proof: these row forces balance on every body, and do work -1 on whatever motion is required of them:",
+            "Certificate: these row forces balance on every body, and do work -1 on whatever motion is required of them:",
         ]
         lines += [f"  {name:<16} {_numbers(self.certificate[name])}" for name in self.rows]
         if self.unmet_most:
@@ -111,7 +111,7 @@ class Contradiction(Displayed):
 
 
 def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradiction | None:
-    """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
+    """A smallest set of rows that contradict each other under a law, with its certificate; None if none was found.
 
     Contradictions within rounding (`CONTRADICTS`) do not count. Every certificate is verified before it is returned. None
     concerns only y in K*: a point that already slides can have no answer for another reason (Painleve), which
@@ -205,7 +205,7 @@ class _ConflictSearch:
         return self.tried[members]
 
     def smallest(self, groups: Sequence[frozenset[int]], found: _Farkas) -> tuple[_Farkas, bool]:
-        """(certificate, proven) on the fewest groups of members found; none of them can be left out."""
+        """(certificate, whether all sets were tried) on the fewest groups of members found; none of them can be left out."""
         kept = [g for g in groups if g & found.members]
         for g in list(kept):
             if self.programs >= CERTIFICATE_LEFT_OUT:

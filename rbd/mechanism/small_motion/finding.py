@@ -32,7 +32,7 @@ FREE = "free"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SteadyState(Displayed):
-    """An equilibrium or a steady motion, with the residuals that prove it and what small motion about it does.
+    """An equilibrium or a steady motion, with the residuals that certify it and what small motion about it does.
 
     Attributes:
         state: Where it is, and how fast; v is zero at an equilibrium.

@@ -1,4 +1,4 @@
-"""`Linearised`: the linear equations of small motion, their eigenvalues and modes, and what proves them."""
+"""`Linearised`: the linear equations of small motion, their eigenvalues and modes, and their certificate."""
 
 from __future__ import annotations
 

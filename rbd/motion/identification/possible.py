@@ -13,7 +13,7 @@ is linear in the ten parameters, and positive semidefinite exactly for parameter
 A has the weighted base equations, P_b is the pseudo-inertia of body b and D the entropic divergence from the model's
 (`rbd.motion.identification.possible`), infinite at the border of what is possible; the last sum is over rotor inertia, damping
 and dry friction. It is convex and, over w, self-concordant: damped Newton steps converge from any start, and the decrement
-lambda = |gradient| in the metric of the Hessian proves the answer, as F(theta) - min F <= lambda^2 for lambda < 0.68 sqrt(w)
+lambda = |gradient| in the metric of the Hessian certifies the answer, as F(theta) - min F <= lambda^2 for lambda < 0.68 sqrt(w)
 [Nesterov2018]. The weight of the data grows from little to all, as in interior-point methods.
 """
 
@@ -83,7 +83,7 @@ def _second_moments(theta: Array) -> Array:
 
 
 _INSIDE, _GAP = 1e-5, 1e-4
-"""Of an accepted answer: how negative an eigenvalue may be, over the body's own; and the gap to what is proved impossible."""
+"""Of an accepted answer: how negative an eigenvalue may be, over the body's own; and the gap to what multipliers exclude."""
 _ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
 """Entries of a symmetric matrix in Clarabel's order: columns of the upper triangle."""
 _WEIGHTS = np.where(_ROWS == _COLUMNS, 1.0, 2.0**0.5)

@@ -52,7 +52,7 @@ class BodyInertia(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class IdentificationCertificate(Displayed):
-    """What proves an identification: the Newton decrement, and that bodies can have the inertias found.
+    """The certificate of an identification: the Newton decrement, and that bodies can have the inertias found.
 
     Attributes:
         decrement: Newton decrement at the answer, lambda: the objective is within lambda^2 of its least.
@@ -63,8 +63,8 @@ class IdentificationCertificate(Displayed):
             the base parameters; the smaller, the better. inf: some are not told.
 
     Example:
-        >>> proof = rbd.motion.identification.IdentificationCertificate(1e-12, 0.4, 700, 213, 90.0)
-        >>> print(proof)
+        >>> certificate = rbd.motion.identification.IdentificationCertificate(1e-12, 0.4, 700, 213, 90.0)
+        >>> print(certificate)
         decrement 1.0e-12, least eigenvalue 0.4 of the model's, rank 213 of 700 equations, condition 90
     """
 
@@ -102,7 +102,7 @@ class Identification(Displayed):
             weighed; with noise=, that of the weights does this, and here is `force_scale`.
         residual: Root mean square residual of the data with theta, shape (nv,) [N, N m].
         model_residual: The same with the model's parameters.
-        certificate: The proof.
+        certificate: How near to the least, and what the data tell.
         told: Basis of the base combinations that the data tell, orthonormal in relative changes, shape (r, k).
         unit: Typical size of each base parameter in the model, shape (r,): the root of the sum of squares of its terms.
 
@@ -299,10 +299,10 @@ class Identification(Displayed):
         return out
 
     def __str__(self) -> str:
-        proof = self.certificate
+        told = self.certificate
         mean, before = (float(np.sqrt((x**2).mean())) for x in (self.residual, self.model_residual))
         lines = [
-            f"{self.base.rank} base parameters of {self.model.name}, {proof.rank} of them told by {proof.equations} equations"
+            f"{self.base.rank} base parameters of {self.model.name}, {told.rank} of them told by {told.equations} equations"
         ]
         if "inertia" in self.columns:
             spread = f" +- {self.mass_deviation:.2g}" if np.isfinite(self.mass_deviation) else " (not told by the data)"
@@ -321,5 +321,5 @@ class Identification(Displayed):
         below = [f"{name} {x:.2g}" for name, x in zip(self.base.names[first:], self.theta[first:], strict=True) if x < 0.0]
         if below:
             lines.append(f"  negative, which no joint is: {', '.join(below[:_LISTED])}{', ...' * (len(below) > _LISTED)}")
-        lines.append(f"  {proof}")
+        lines.append(f"  {told}")
         return "\n".join(lines)

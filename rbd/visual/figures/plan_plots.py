@@ -1,4 +1,4 @@
-"""Plot of a plan on given axes: forces, what is used of friction and of torques, which contact stands when, what is proved."""
+"""Plot of a plan on given axes: forces, what is used of friction and torques, which contact stands when, what is certified."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BEYOND = "#c0392b"
-"""Color of what is not proved, and of limits."""
+"""Color of what is not certified, and of limits."""
 
 
 def plot_plan(axes: Axes | Sequence[Axes] | None, plan: Plan) -> list[Artist]:
     """Draw a plan over time: normal forces of its contacts, what is used of friction and torques, and when contacts stand.
 
-    Intervals that are not proved are red bands in all panels; keyframes are dotted lines.
+    Intervals that are not certified are red bands in all panels; keyframes are dotted lines.
 
     Args:
         axes: Three Matplotlib axes, or the first, or the first two; None: three on a new figure, that of `artists[0].figure`.

@@ -1,1 +1,1 @@
-"""What notebooks show of records: a result, tables with units, a folded proof; of scenes and motions, the page inline."""
+"""What notebooks show of records: a result, tables with units, a folded certificate; of scenes and motions, the page inline."""

@@ -205,8 +205,8 @@ def export_motion(
 
     Args:
         motion: What `rbd.simulate`, `rbd.check_motion`, `rbd.audit`, `rbd.audits.compare` or `rbd.plan` returned, or
-            `error.plan` of a `CannotPlan`, whose missing wrench is drawn where nothing is proved; an `rbd.Motion`, which has no
-            forces; or a motion of a planar chain; two samples at least, of an audit one.
+            `error.plan` of a `CannotPlan`, whose missing wrench is drawn where nothing is certified; an `rbd.Motion`, which has
+            no forces; or a motion of a planar chain; two samples at least, of an audit one.
         path: Of the page, ends in .html.
         fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast; of a report its own.
         speed: Seconds of motion a second at first; the page can change it. By default 1, of a planar chain 0.5.

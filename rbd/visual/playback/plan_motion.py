@@ -1,4 +1,4 @@
-"""A plan as it is shown: forces where contacts stand, their lanes, and what is not proved, with the wrench that is missing."""
+"""A plan as it is shown: forces where contacts stand, their lanes, and what is not certified, with the missing wrench."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.robot_meshes import drawable
 from rbd.visual.style import WRENCH_COLOR
 
-UNPROVED, UNPROVED_COLOR = "not proved", "#c0392b"
+UNCERTIFIED, UNCERTIFIED_COLOR = "not certified", "#c0392b"
 """Name and colour of the lane of what is not."""
 
 
@@ -48,7 +48,7 @@ class PlannedSamples:
 
     @classmethod
     def of(cls, plan: Plan) -> PlannedSamples:
-        """Forces and torques are linear between the ends of the intervals of its proof."""
+        """Forces and torques are linear between the ends of the intervals of its certificate."""
         x, pushes = plan.intervals, plan.pushes
         i, share = x.at(plan.t)
         s = share[:, None]
@@ -66,7 +66,7 @@ class PlannedSamples:
 
 
 def shown_plan(plan: Plan) -> ShownMotion:
-    """A plan as a motion that can be shown; of one that is not proved the missing wrench, on what is not.
+    """A plan as a motion that can be shown; of one that is not certified the missing wrench, on what is not.
 
     The missing wrench is what the motion needs at its centre of mass less what contacts give, at the same times.
     """
@@ -79,7 +79,7 @@ def shown_plan(plan: Plan) -> ShownMotion:
     ]  # fmt: skip
     pushes = tuple[Track, ...]()
     if bad.any():
-        modes[UNPROVED] = np.where(bad, YES, OPEN).tolist()
+        modes[UNCERTIFIED] = np.where(bad, YES, OPEN).tolist()
         terms = FrameTerms.of(plan.robot, plan.q, plan.v, plan.a, None)
         p, f = (np.concatenate(list(values.values()), axis=1) for values in (samples.points, samples.point_forces))
         arm = np.nan_to_num(p - terms.com[:, None])
@@ -91,7 +91,7 @@ def shown_plan(plan: Plan) -> ShownMotion:
         )
     return ShownMotion(
         samples, drawable(plan.robot), plan.t, plan.q, plan.v, str(plan).splitlines()[0], samples.points, samples.point_forces,
-        modes, tuple(events), lanes={UNPROVED: UNPROVED_COLOR}, pushes=pushes,
+        modes, tuple(events), lanes={UNCERTIFIED: UNCERTIFIED_COLOR}, pushes=pushes,
         terrains=(floor,) if isinstance(floor, Terrain) else (), charts=partial(charts_of, samples),
         defaults={"start": float(plan.t[bad.argmax()])},
     )  # fmt: skip
