@@ -14,8 +14,8 @@ from rbd.solvers.small_systems import add_transposed, pivoted_factor, pivoted_so
 
 _REPEATS, _ROUNDS, _SAME = 1e-11, 3, 1e-12
 """Pivots up to this are of linearly dependent columns; rounds of refinement; tolerance of forces, over their size."""
-_SAME_WAY = 1e-9
-"""Angle between directions that are the same [rad]."""
+_SAME_WAY, _STILL = 1e-9, 1e-9
+"""Angle between directions that are the same [rad]; speed of points at rest [m/s, rad/s]."""
 
 
 def _spanned(G: Array, count: int, g: Array, y: Array, z: Array, order: Array) -> int:
@@ -201,36 +201,36 @@ stopping = compiled(_stopping, signature(FLAG, _WHOLE, _FLAGS, _FLAGS, _ROWS, _R
 
 
 def _directed(
-    normals: Array, rubs: Array, slides: Array, velocity: Array, u: Array, end: Array, pushed: Array, out: Array
+    normals: Array, pushes: Array, rubs: Array, slides: Array, velocity: Array, u: Array, end: Array, pushed: Array, out: Array
 ) -> bool:  # fmt: skip
-    """Write `stacked_points.directed`; whether friction in the half step is directed otherwise, or a point stops in it."""
+    """Write `stacked_points.directed`; whether the forces of the half step are others."""
     found = False
     out[:] = u
     for i in range(len(slides)):
         n = normals[i]
-        if not slides[i] or pushed[n] == 0.0:
+        if pushed[n] == 0.0 or not (pushes[i] or slides[i]):
             continue
-        m = n - 1 if rubs[i] else n  # the second of two rows, or an interval's one
-        first = n - 2 if rubs[i] else n
-        if rubs[i]:
-            out[n] = 0.0
-        x, y, p, q = u[first], u[m] if rubs[i] else 0.0, end[first], end[m] if rubs[i] else 0.0
-        speed, last = np.hypot(x, y), np.hypot(p, q)
+        if pushes[i]:
+            found, out[n] = found or abs(u[n]) > _STILL, 0.0
+        if not slides[i]:
+            continue
+        first, last = (n - 2, n - 1) if rubs[i] else (n, n)  # an interval has one row
+        x, p, a = u[first], end[first], velocity[first]
+        y, q, b = (u[last], end[last], velocity[last]) if rubs[i] else (0.0, 0.0, 0.0)
+        speed, after, size = np.hypot(x, y), np.hypot(p, q), np.hypot(a, b)
         if speed <= 10.0 * SLIDES:
-            for row in range(first, m + 1):
-                out[row] = 0.0
+            found, out[first], out[last] = found or speed > _STILL, 0.0, 0.0
             continue
-        a, b = velocity[first], velocity[m] if rubs[i] else 0.0
-        size = np.hypot(a, b)
         if size <= SLIDES:
             a, b, size = x, y, speed
-        out[first], out[m] = a / size, (b if rubs[i] else a) / size
-        off = max(abs(a * y - b * x) / speed, abs(a * q - b * p) / last if last > SLIDES else size)
+        out[last] = b / size
+        out[first] = a / size
+        off = max(abs(a * y - b * x) / speed, abs(a * q - b * p) / after if after > SLIDES else size)
         found = found or off > _SAME_WAY * size or a * x + b * y < 0.0 or a * p + b * q < 0.0
     return found
 
 
-directed = compiled(_directed, signature(FLAG, _WHOLE, _FLAGS, _FLAGS, _ROWS, _ROWS, _ROWS, _ROWS, _WRITTEN))
+directed = compiled(_directed, signature(FLAG, _WHOLE, *[_FLAGS] * 3, *[_ROWS] * 4, _WRITTEN))
 
 
 def _sliding(

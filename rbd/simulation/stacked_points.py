@@ -369,9 +369,10 @@ def stopping(layout: PointLayout, u0: Array, u1: Array, pushed: Array) -> Array 
 
 
 def directed(at: Snapshot, u: Array, end: Array, pushed: Array) -> Array | None:
-    """Velocities of points by which friction is that of an instant; None if it is so already in a half step from it.
+    """Velocities of points by which forces are those of an instant; None if they are so already in a half step from it.
 
-    Of loaded points: 1 m/s along J v of those that slide by the contact law, whose own u is J v to O(h^2) only; zero of others.
+    Of loaded points: 1 m/s along J v of those that slide by the contact law, whose own u is J v to O(h^2) only. Zero of
+    others: brought to rest in the half step, those that creep would have accelerations of their speed over its length.
 
     Args:
         at: The points at the instant.
@@ -380,8 +381,8 @@ def directed(at: Snapshot, u: Array, end: Array, pushed: Array) -> Array | None:
         pushed: Row forces or impulses in it, shape (p,).
     """
     layout, out = at.layout, np.empty(len(u))
-    found = point_kernel().directed(layout.normals, layout.rubs, layout.slides, at.velocity, u, end, pushed, out)
-    return out if found else None
+    flags = layout.pushes, layout.rubs, layout.slides
+    return out if point_kernel().directed(layout.normals, *flags, at.velocity, u, end, pushed, out) else None
 
 
 @cache

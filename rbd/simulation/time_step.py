@@ -148,8 +148,8 @@ class StepSystem:
     def instant(self, half: HalfStep) -> HalfStep:
         """A half step from the same beginning with the accelerations and forces of that instant.
 
-        Force elements as they are, and friction against the velocities of the points that slide there: in a step their
-        directions are off by the O(h^2) of these velocities, which turns the friction of slow ones, and some stop.
+        Force elements as they are, and friction against the velocities of the points that slide there: of those in the step
+        the directions are off by O(h^2) over the speed, and points that are slow stop, or turn, in the half step.
         """
         if half.tau is None or half.implicit is not None:
             half = self._exact(half)
