@@ -210,6 +210,21 @@ class TestOtherDoors:
         P = rbd.GaussProblem(np.eye(6), np.zeros(6), [turning, slides], rest_speed=0.1)
         assert not P.force_set.offset.any() and [P.rows[i].name for i in P.force_set.slipping] == ["toe"]
 
+    def test_a_corner_whose_speed_is_above_it_and_components_are_below_slides(self):
+        """Of a face that turns one corner moves at (0.19, 0.28) um/s, which is 0.34: the answer's residuals are of that law."""
+        robot = box(mass=10.0)
+        corners = np.array([(X, Y, 0.0), (-X, Y, 0.0), (-X, -Y, 0.0)])
+        face = rbd.constraints.Contact("face", "box", corners=corners, friction=0.5, on=0.0)
+        state = rbd.State(robot, [0, 0, 0, 0, 0, 0, 1], [2.3e-7, 2.0e-7, 0.0, 0.0, 0.0, 4e-7])
+        push = rbd.ExternalForce("box", (3.0, 2.0, 0.0), moment=(1.0, 4.0, 1.0))
+        found = rbd.solve(state, [], [face], external=[push], rest_speed=3e-7)
+        other = rbd.solve(state, [], [face], external=[push], rest_speed=3e-7, solver=rbd.ConeSolver())
+        assert found.residuals.within(1e-9) and found.a == pytest.approx(other.a, abs=1e-9)
+        across, normal = found.corner_forces["face"][:, :2], found.corner_forces["face"][:, 2]
+        slides = np.hypot(*(state.v[:2] + state.v[5] * corners[:, 1::-1] * [-1.0, 1.0]).T) > 3e-7
+        assert slides.sum() == 1 and np.hypot(*across[slides].T) == pytest.approx(0.5 * normal[slides], abs=1e-9)
+
+
     @pytest.mark.parametrize("wrong", [-1e-6, np.nan, np.inf, "fast", None, True])
     def test_a_limit_that_is_no_speed_is_refused(self, talos, wrong):
         """With what came and what was expected."""

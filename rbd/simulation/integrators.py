@@ -28,7 +28,6 @@ from rbd.simulation.instant import HalfStep, touches_of
 from rbd.simulation.recording import StepForces, least_forces
 from rbd.simulation.simulated_motion import Event, Sample, SimulatedMotion, stored
 from rbd.simulation.smooth import SmoothMotion, SmoothStage, reason_not_smooth, reason_unknown_ground
-from rbd.simulation.stacked_points import stopping
 from rbd.simulation.time_step import StepSystem
 
 TILTS = 1e-9
@@ -400,10 +399,7 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
     """A sample with torques, forces and residuals; recording does not affect the steps."""
     start = half.start
     at, motion = start.at, system.motion
-    if half.tau is None or half.implicit is not None:
-        half = system.exact(half)
-    if half.u is not at.layout.at_rest and stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
-        half = system.solved(start, 1e-3 * half.h, exact=True)  # points that stop within the half step are recorded as sliding
+    half = system.instant(half)
     answer, h, active, a = half.answer, 0.5 * half.h, half.active, half.a
     assert half.tau is not None
     return Sample.of(

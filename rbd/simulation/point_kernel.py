@@ -14,6 +14,8 @@ from rbd.solvers.small_systems import add_transposed, pivoted_factor, pivoted_so
 
 _REPEATS, _ROUNDS, _SAME = 1e-11, 3, 1e-12
 """Pivots up to this are of linearly dependent columns; rounds of refinement; tolerance of forces, over their size."""
+_SAME_WAY, _STILL = 1e-9, 1e-9
+"""Angle between directions that are the same [rad]; speed of points at rest [m/s, rad/s]."""
 
 
 def _spanned(G: Array, count: int, g: Array, y: Array, z: Array, order: Array) -> int:
@@ -196,6 +198,39 @@ def _stopping(
 
 
 stopping = compiled(_stopping, signature(FLAG, _WHOLE, _FLAGS, _FLAGS, _ROWS, _ROWS, _ROWS, array(1, FLAG, written=True)))
+
+
+def _directed(
+    normals: Array, pushes: Array, rubs: Array, slides: Array, velocity: Array, u: Array, end: Array, pushed: Array, out: Array
+) -> bool:  # fmt: skip
+    """Write `stacked_points.directed`; whether the forces of the half step are others."""
+    found = False
+    out[:] = u
+    for i in range(len(slides)):
+        n = normals[i]
+        if pushed[n] == 0.0 or not (pushes[i] or slides[i]):
+            continue
+        if pushes[i]:
+            found, out[n] = found or abs(u[n]) > _STILL, 0.0
+        if not slides[i]:
+            continue
+        first, last = (n - 2, n - 1) if rubs[i] else (n, n)  # an interval has one row
+        x, p, a = u[first], end[first], velocity[first]
+        y, q, b = (u[last], end[last], velocity[last]) if rubs[i] else (0.0, 0.0, 0.0)
+        speed, after, size = np.hypot(x, y), np.hypot(p, q), np.hypot(a, b)
+        if speed <= 10.0 * SLIDES:
+            found, out[first], out[last] = found or speed > _STILL, 0.0, 0.0
+            continue
+        if size <= SLIDES:
+            a, b, size = x, y, speed
+        out[last] = b / size
+        out[first] = a / size
+        off = max(abs(a * y - b * x) / speed, abs(a * q - b * p) / after if after > SLIDES else size)
+        found = found or off > _SAME_WAY * size or a * x + b * y < 0.0 or a * p + b * q < 0.0
+    return found
+
+
+directed = compiled(_directed, signature(FLAG, _WHOLE, *[_FLAGS] * 3, *[_ROWS] * 4, _WRITTEN))
 
 
 def _sliding(

@@ -368,6 +368,23 @@ def stopping(layout: PointLayout, u0: Array, u1: Array, pushed: Array) -> Array 
     return stops if point_kernel().stopping(layout.normals, layout.rubs, layout.slides, u0, u1, pushed, stops) else None
 
 
+def directed(at: Snapshot, u: Array, end: Array, pushed: Array) -> Array | None:
+    """Velocities of points by which forces are those of an instant; None if they are so already in a half step from it.
+
+    Of loaded points: 1 m/s along J v of those that slide by the contact law, whose own u is J v to O(h^2) only. Zero of
+    others: brought to rest in the half step, those that creep would have accelerations of their speed over its length.
+
+    Args:
+        at: The points at the instant.
+        u: Their velocities by the contact law, shape (p,).
+        end: The same at the end of the half step, shape (p,).
+        pushed: Row forces or impulses in it, shape (p,).
+    """
+    layout, out = at.layout, np.empty(len(u))
+    flags = layout.pushes, layout.rubs, layout.slides
+    return out if point_kernel().directed(layout.normals, *flags, at.velocity, u, end, pushed, out) else None
+
+
 @cache
 def point_kernel() -> ModuleType:
     """`rbd.simulation.point_kernel`, imported with the first step."""

@@ -44,7 +44,16 @@ from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.simulated_motion import SimulatedMotion
-from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, PreparedPoints, Snapshot, stopping, turned_back
+from rbd.simulation.stacked_points import (
+    PointLayout,
+    PointMatching,
+    Points,
+    PreparedPoints,
+    Snapshot,
+    directed,
+    stopping,
+    turned_back,
+)
 from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, not_finite, solve_velocity
 
 _SLOW = 0.2
@@ -98,7 +107,9 @@ class StepSystem:
         answer = VelocityAnswer(v_h, part * before.impulse, u_h, 0.0, norms=start.norms)
         return HalfStep(start, before.active, None, answer, h, u, turned)
 
-    def solved(self, start: Instant, h: float, more: Array | None = None, *, exact: bool = False) -> HalfStep:
+    def solved(
+        self, start: Instant, h: float, more: Array | None = None, *, exact: bool = False, u: Array | None = None
+    ) -> HalfStep:
         """The first half of a step, solved.
 
         Args:
@@ -106,11 +117,13 @@ class StepSystem:
             h: Length of the whole step [s].
             more: Points that are active in addition to touching ones.
             exact: Take force elements as they are at its beginning, not implicitly: accelerations and forces of that instant.
+            u: Velocities of the points in the contact law, shape (p,); None: `Instant.rates`.
         """
         at, half = start.at, 0.5 * h
         active = start.touching if more is None else start.touching | more
         tau, applied, elements, _ = self.motion.acting(at.state, start.t)
-        v, u, guess = at.state.v, start.rates(active), half * start.force
+        change, rounds = (start.change(half), 1) if u is None else (None, 2)
+        v, u, guess = at.state.v, start.rates(active) if u is None else u, half * start.force
         turned = self.bases.turned(v, v, half)
         terms = None if exact else ElementTerms.of(at.state, elements)
         E, force = (None, applied) if terms is None else self.implicit.first_half(terms, at.state, turned, applied, h)
@@ -124,16 +137,27 @@ class StepSystem:
 
         if u is at.layout.at_rest:
             return result(solution(None, guess, start.norms))
-        change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
         answer = solution(shift, guess, start.norms)
-        if change is None:
+        for _ in range(rounds if change is None else 0):
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
                 answer = solution(shift, answer.impulse, answer.norms)
         return result(answer)
 
-    def exact(self, half: HalfStep) -> HalfStep:
+    def instant(self, half: HalfStep) -> HalfStep:
+        """A half step from the same beginning with the accelerations and forces of that instant.
+
+        Force elements as they are, and friction against the velocities of the points that slide there: of those in the step
+        the directions are off by O(h^2) over the speed, and points that are slow stop, or turn, in the half step.
+        """
+        if half.tau is None or half.implicit is not None:
+            half = self._exact(half)
+        at, answer = half.start.at, half.answer
+        slides = None if half.u is at.layout.at_rest else directed(at, half.u, answer.velocity, answer.impulse)
+        return half if slides is None else self.solved(half.start, 1e-3 * half.h, exact=True, u=slides)
+
+    def _exact(self, half: HalfStep) -> HalfStep:
         """The same half step with force elements as they are, not implicitly; shorter where they are stiff."""
         h = half.h
         if half.implicit is not None:

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, zeros
+from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed, drawing
@@ -22,8 +23,9 @@ from rbd.model.external import External, ForceElement
 from rbd.model.output_files import check_place
 from rbd.model.state import State
 from rbd.records import Axis, Field
+from rbd.simulation.contact_gaps import CLOSED
 from rbd.simulation.recording import Recording
-from rbd.simulation.simulated_motion import ConstraintForce, Event, Integrator, Sample, SimulatedMotion
+from rbd.simulation.simulated_motion import OPEN, ConstraintForce, Event, Integrator, Sample, SimulatedMotion
 from rbd.simulation.trajectory_contents import (
     arrays_of,
     arrays_of_netcdf,
@@ -274,6 +276,53 @@ class Trajectory(Displayed):
         share = float((t - self.t[i]) / (self.t[i + 1] - self.t[i]))
         q = pin.interpolate(self.robot.model, self.q[i], self.q[i + 1], share)
         return State(self.robot, q, (1.0 - share) * self.v[i] + share * self.v[i + 1], t=float(t))
+
+    def touching(self, i: int, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+        """Those of the motion's constraints that act in sample i, contacts at the corners that touch there.
+
+        For `rbd.solve`, which takes a contact with all corners that are within a millimetre of its plane: of a sole on its heel
+        the toes too. From the state of a sample, its torques, and these, it has the sample's accelerations, where `rest_speed`
+        is above the velocities of points that stick, which vanish to O(h^2), and below those of points that slide.
+
+        Args:
+            i: The sample; negative ones count from the end.
+            constraints: Constraints of the motion, as they were given to `rbd.simulate`.
+
+        Raises:
+            InputError: a constraint that the motion did not have.
+
+        Example:
+            >>> box = rbd.testing.box(mass=10.0)
+            >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
+            >>> tilted = rbd.State(box, [0, 0, 0.2 * np.sin(0.1), 0, np.sin(0.05), 0, np.cos(0.05)])
+            >>> falls = rbd.simulate(tilted, [face], duration=0.04, step=1e-3)
+            >>> (edge,) = falls.touching(-1, [face])
+            >>> again = rbd.solve(falls.state(-1), None, [edge], rest_speed=1e-4)
+            >>> len(edge.corners), bool(np.allclose(again.a, falls.a[-1], atol=1e-9))
+            (2, True)
+        """
+        i, unknown = self._index(i), [c.name for c in constraints if c.name not in self.forces]
+        if unknown:
+            raise InputError(
+                f"{unknown[0]!r:.80} is no constraint of this motion; expected some of {', '.join(map(repr, self.names))}."
+            )
+        acting = [c for c in constraints if self.modes[c.name][i] != OPEN]
+        return tuple([c if member(c, "of_corners") is None else self._at_corners(i, c) for c in acting])
+
+    def _at_corners(self, i: int, contact: Any) -> Constraint:
+        """The contact at the corners that touch in sample i; whole where other points do, as edges of terrain."""
+        found, k = contact.points(self.state(i), float(self.t[i])), len(contact.corners)
+        whole: Constraint = contact
+        if found is None:
+            return whole
+        numbers = np.array([int(name.rpartition(":")[2]) for name in found.names], int)
+        loaded = self.point_forces[contact.name][i]
+        near = found.gaps <= CLOSED
+        if len(loaded) == k and np.array_equal(numbers, np.arange(k)):  # one that carries can hover by the error of a step
+            near |= loaded.any(axis=1)
+        touches = sorted(set(numbers[near].tolist()))
+        some: Constraint = contact.of_corners(touches) if 0 < len(touches) < k and touches[-1] < k else whole
+        return some
 
     def __len__(self) -> int:
         return len(self.t)

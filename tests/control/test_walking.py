@@ -42,12 +42,12 @@ def certify(walk: Walk, run: rbd.Trajectory) -> None:
     """Every tenth frame again by `rbd.solve`: its certificate, and the same accelerations and forces of points."""
     weight, frames = walk.robot.mass * 9.81, range(0, len(run.t) - 1, 10)
     for i in frames:
-        feet = [foot for foot in walk.contacts if run.modes[foot.name][i] != "open"]
-        found = rbd.solve(run.state(i), tau=run.tau[i], constraints=feet, rest_speed=1e-4)  # contacts move by up to 4e-6 m/s
+        feet = run.touching(i, walk.contacts)
+        found = rbd.solve(run.state(i), tau=run.tau[i], constraints=feet, rest_speed=1e-3)  # feet of a bound that stick move so
         assert found.residuals.within(1e-9)
         assert found.a == pytest.approx(run.a[i], abs=1e-6)
         for foot in feet:
-            if len(foot.corners) == 1:  # forces of soles need not be unique
+            if len(run.points[foot.name][i]) == 1:  # forces of soles need not be unique
                 assert found.forces[foot.name] == pytest.approx(run.forces[foot.name][i], abs=1e-9 * weight)
     assert len(frames) > 50
 
@@ -135,8 +135,7 @@ def test_quadrupeds_walk(solo: rbd.Robot, gait: str) -> None:
     assert walk.log.violations == 0 and not walk.plans and end.com[2] == pytest.approx(walk.state.com[2], abs=5e-3)
     assert end.com[:2] == pytest.approx(walk.plan.centroid.com[-1, :2], abs=1e-3)
     assert end.com[0] - walk.state.com[0] > 0.02
-    if gait == "trot":
-        certify(walk, run)
+    certify(walk, run)
     if gait == "bound":
         assert walk.gait.flies and not walk.plan.centroid.forces.any(axis=(1, 2)).all()
         assert max(abs(walk.plan.tilt(t, 0.0)[0, 1]) for t in walk.plan.t) > 0.1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from contact_cases import sole
 from flat_bodies import flat_body, flat_state, floor_point, free_body, free_state
@@ -119,6 +120,46 @@ def test_a_sliding_box_keeps_its_friction_and_its_motion(integrator):
         tips = forces[:, 2] @ (found.points["sole"][i][:, 0] - found.q[i, 0])  # the loads' moment balances the friction's
         assert abs(tips - 0.4 * BOX_KG * G * DEPTH) < 1e-6
         assert np.ptp(forces[:2, 2]) < 1e-6 or math.isclose(forces[0, 2], forces[1, 2], abs_tol=1e-6)
+
+
+@STEPPING
+@pytest.mark.parametrize(("speed", "turn", "steps", "rest"), [(0.3, 3, 10, 1e-4), (2e-3, 3, 10, 1e-4), (5e-6, 0, 1, 1e-5)])
+def test_a_recorded_acceleration_is_that_of_its_state(integrator, speed, turn, steps, rest):
+    """A body that turns on a corner, which slides along a curve: in each frame friction opposes the slide of that frame.
+
+    By the velocities of the step, which are J v to O(h^2), accelerations were off by 1e-3 to 1e-2 rad/s2. A corner that creeps
+    is at rest: brought there in half a step accelerations were off by up to 7e-3 rad/s2.
+    """
+    corner = rbd.PointContact("corner", "body", offset=(0.1, 0.08, -DEPTH), friction=0.4 if turn else 3.0, on=0.0)
+    turned = free_state(_box(), (0.0, 0.0, 0.0), (0.3, 0.6, 0.2))
+    low = float(corner.points(turned).gaps[0])
+    start = free_state(_box(), (0.0, 0.0, -low), (0.3, 0.6, 0.2), (speed, 0.3 * speed, 0.0))
+    start = start.with_velocity(start.v + [0.0, 0.0, 0.0, turn / 6.0, 0.0, turn])
+    start = rbd.mechanism.project_velocity(start, [corner.with_friction(0.0)])
+    found = rbd.simulate(start, [corner], duration=steps * 5e-3, step=5e-3, integrator=integrator, progress=False)
+    for i in range(steps):
+        again = rbd.solve(found.state(i), None, [corner], rest_speed=rest)
+        assert again.a == pytest.approx(found.a[i], abs=1e-7)
+        assert again.forces["corner"] == pytest.approx(found.forces["corner"][i], abs=1e-7)
+    assert set(found.modes["corner"][:steps]) == {"slips" if speed > rest else "sticks"}
+
+
+def test_a_face_that_falls_touches_at_its_edge_and_is_certified_there():
+    """Tilted by 1 mrad, its other corners are 0.2 mm above the ground: taken whole, `rbd.solve` lays it flat."""
+    below, tilt = pin.SE3(np.eye(3), np.array([0.0, 0.0, -DEPTH])), 1e-3
+    face = rbd.SurfaceContact("sole", "body", half_lengths=HALF, placement=below, friction=0.5, on=0.0)
+    level = free_state(_box(), (0.0, 0.0, 0.0), (0.0, tilt, 0.0))
+    start = free_state(_box(), (0.0, 0.0, -float(face.points(level).gaps.min())), (0.0, tilt, 0.0))
+    found = rbd.simulate(start, [face], duration=4e-3, step=1e-3, progress=False)
+    for i in (0, 3, -1):
+        (edge,) = found.touching(i, [face])
+        again, flat = (rbd.solve(found.state(i), None, [c], rest_speed=rest) for c, rest in ((edge, 1e-4), (face, 1.0)))
+        assert len(edge.corners) == 2 and again.a == pytest.approx(found.a[i], abs=1e-8)
+        assert np.abs(flat.a).max() < 1e-2 < 1.0 < np.abs(found.a[i]).max()
+    thrown = free_state(_box(), (0.0, 0.0, 1.0))
+    assert rbd.simulate(thrown, [face], duration=1e-2, step=1e-3, progress=False).touching(2, [face]) == ()
+    with pytest.raises(rbd.errors.InputError, match="'other' is no constraint of this motion; expected some of 'sole'"):
+        found.touching(0, [face, rbd.PointContact("other", "body", on=0.0)])
 
 
 @STEPPING

@@ -206,8 +206,8 @@ def decide(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Arra
         if mu == 0.0 and low == -math.inf and high == math.inf:
             continue
         size = abs(u[j])
-        if mu > 0.0:
-            size = max(size, abs(u[j + 1]), abs(u[j + 2]))
+        if mu > 0.0:  # as of `rbd.problem.contact_motion.MotionJudge`, by whose rows it is then judged
+            size = max(np.hypot(u[j], u[j + 1]), abs(u[j + 2]))
         if not size > rest:
             if not size <= rest:
                 return False
