@@ -12,11 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, zeros
-from rbd.constraints.constraint import Constraint, member
+from rbd.constraints.constraint import Constraint, listed, member
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
+from rbd.errors.inputs import check_known
 from rbd.model.array_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ForceElement
@@ -301,12 +302,10 @@ class Trajectory(Displayed):
             >>> len(edge.corners), bool(np.allclose(again.a, falls.a[-1], atol=1e-9))
             (2, True)
         """
-        i, unknown = self._index(i), [c.name for c in constraints if c.name not in self.forces]
-        if unknown:
-            raise InputError(
-                f"{unknown[0]!r:.80} is no constraint of this motion; expected some of {', '.join(map(repr, self.names))}."
-            )
-        acting = [c for c in constraints if self.modes[c.name][i] != OPEN]
+        i, given = self._index(i), listed(constraints)
+        for constraint in given:
+            check_known("a constraint of Trajectory.touching is", getattr(constraint, "name", None), self.forces)
+        acting = [c for c in given if self.modes[c.name][i] != OPEN]
         return tuple([c if member(c, "of_corners") is None else self._at_corners(i, c) for c in acting])
 
     def _at_corners(self, i: int, contact: Any) -> Constraint:
