@@ -61,8 +61,9 @@ def signature(result: Any, *arguments: Any) -> Any:
 def compiled(function: Callable[..., Any], types: Any = None, *, unlocked: bool = False) -> Callable[..., Any]:
     """A function that is compiled after the first calls, and kept on disk; with a signature, compiled for these types alone.
 
-    Without one it is compiled for the types of its arguments when they first come. Where neither the package's folder nor the
-    user's cache can be written, it is compiled anew in each process. One that is `unlocked` lets other threads of Python run.
+    Without one it becomes a part of those that call it, and called from Python it runs as it is written. Where neither the
+    package's folder nor the user's cache can be written, it is compiled anew in each process. One that is `unlocked` lets other
+    threads of Python run.
     """
     return Kernel(function, types, {"nogil": unlocked}) if in_use() else np.errstate(all="ignore")(function)
 
@@ -119,6 +120,10 @@ class Kernel:
             prepare()
         return self.made(*arguments)
 
+    def as_written(self, *_: Any, **__: Any) -> Any:
+        """The function, which Python runs in place of compiled code where there is none."""
+        return self.function
+
     def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
         _Process.inside, _Process.few = True, _Process.few - 1
         try:
@@ -171,7 +176,7 @@ def modules() -> list[str]:
 
 def folders() -> list[str]:
     """Where compiled functions are kept; empty where they cannot be."""
-    made = [kernel for kernel in _kernels if kernel.made is not None and _Process.kept and "forceinline" not in kernel.options]
+    made = [kernel for kernel in _kernels if kernel.made is not None and _Process.kept and kernel.types is not None]
     return sorted({str(each.made._cache.cache_path) for each in made})
 
 
@@ -226,13 +231,14 @@ def _type(kind: Any) -> Any:
 def _dispatcher(kernel: Kernel) -> Any:
     import numba
 
-    # A private one without a signature is called by kernels alone, and need not be callable from Python.
+    # One without a signature is called by kernels alone, and need not be callable from Python.
+    own = {} if kernel.types is not None else {"no_cpython_wrapper": True, "pipeline_class": _part_compiler()}
     made: Any = numba.njit(  # type: ignore[call-overload]
-        kernel.function, error_model="numpy", no_cfunc_wrapper=True,
-        no_cpython_wrapper=kernel.types is None and kernel.function.__name__.startswith("_"), **kernel.options,
+        kernel.function, error_model="numpy", no_cfunc_wrapper=True, **own, **kernel.options,
     )  # fmt: skip
-    if kernel.options.get("forceinline"):
-        return made  # it is kept within those that call it
+    if kernel.types is None:  # it is kept within those that call it
+        made._insert, made._compile_for_args = _nothing, kernel.as_written
+        return made
     try:
         made._cache = _store()(kernel)
     except RuntimeError as error:
@@ -240,6 +246,41 @@ def _dispatcher(kernel: Kernel) -> Any:
             raise
         _Process.kept = False
     return made
+
+
+def _nothing(*_: Any) -> None:
+    """There is no machine code to be called from Python."""
+
+
+@cache
+def _part_compiler() -> Any:
+    """Numba's compiler for functions that only compiled ones call: it ends with LLVM's code, optimised in those that call it.
+
+    Optimising it, and compiling it to machine code that nothing runs, was half of the time.
+    """
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.compiler import Compiler
+
+    class Part(JITCodeLibrary):
+        codegen = property(lambda self: self)
+        set_env = _nothing
+
+        def _optimize_final_module(self) -> None:
+            pass
+
+        def _finalize_final_module(self) -> None:
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+        def get_pointer_to_function(self, name: str) -> int:
+            return 0
+
+    class PartCompiler(Compiler):
+        def define_pipelines(self) -> Any:
+            self.state.library = Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            return super().define_pipelines()
+
+    return PartCompiler
 
 
 @cache

@@ -139,6 +139,13 @@ def test_compiling_is_told_once_and_kept(sums):
     assert python(SUM, sums, RBD_COMPILED="1") == (out, "")
 
 
+def test_a_part_has_no_machine_code_and_runs_as_it_is_written(sums):
+    """A function without types of arguments, called from Python beside what is compiled: the same number, and nothing kept."""
+    out, _ = python(SUM + "import part_kernel\nprint(part_kernel.part(3.0))", sums, RBD_COMPILED="1")
+    assert out.split() == ["7.0", "1", "6.0"]
+    assert [path.name.split(".")[1][:6] for path in (sums / "__pycache__").glob("*.nbc")] == ["_total"]
+
+
 def test_what_is_compiled_is_compiled_in_one_pause(sums):
     """Where the first function was not kept, all modules of kernels are compiled, imported or not; else those imported."""
     (sums / "other_kernel.py").write_text((sums / "total_kernel.py").read_text())

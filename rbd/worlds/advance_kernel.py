@@ -12,14 +12,14 @@ to slide. Where one arrives at the time s of the step, q+ = q (+) s v (+) (h - s
 
     u_n >= -g/2h of a closed point, so that it loses half of its gap g;     u_n >= -g_s / (h - s) of one above its plane
 
-The residuals (`rbd.worlds.proof_kernel`) are found in another way than the answer.
+The residuals (`rbd.worlds.residual_kernel`) are found in another way than the answer.
 """
 
 from __future__ import annotations
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, inlined, signature
-from rbd.worlds.contact_kernel import FOUND, law_in, law_size, loads, offsets, solved
+from rbd.worlds.contact_kernel import FOUND, MOST, law_in, law_size, loads, offsets, polished, solved
 from rbd.worlds.lanes import Number, above, largest, load, root, spread, store
 from rbd.worlds.layout import (
     ACTIVE,
@@ -45,7 +45,6 @@ from rbd.worlds.layout import (
     PART,
     POINT,
     PUSH,
-    SCALE,
     SIZE,
     STEP,
     STIFF,
@@ -60,7 +59,7 @@ from rbd.worlds.layout import (
     Space,
 )
 from rbd.worlds.near_kernel import begin_weights, touched, zeros
-from rbd.worlds.proof_kernel import equation_residual, law_residual
+from rbd.worlds.residual_kernel import equation_residual, law_residual
 from rbd.worlds.sites_kernel import SITE_TYPES, Sites, mobility
 from rbd.worlds.spatial_kernel import cross, dot, nine, plus, put, three, times, turned
 from rbd.worlds.tree_kernel import ROWS, A, D, P, R, S, Tree, U, W, base_upper, free_motion, places
@@ -195,10 +194,10 @@ def begun_step(
         return False
     rows = mobility(tree, sites, active, count, starts, space.work, space.base, law)
     whole[HOW_WIDE] = rows
-    begin_weights(sites, active, count, starts, rows, impulse, law)
-    solved(sites, active, count, starts, rows, coulomb, arrives, law)
-    least, enough = load(law.merit, LEAST), FOUND * load(law.merit, SCALE)
-    left = above(least, enough, one, above(least, -1.0, zero, one)) * moves
+    begin_weights(sites, active, count, starts, rows, impulse, h, law)
+    solved(sites, active, count, starts, rows, coulomb, arrives, law, moves, MOST)
+    least = load(law.merit, LEAST)
+    left = above(least, FOUND, one, above(least, -1.0, zero, one)) * moves
     store(law.merit, LEFT, left)
     return largest(left) > 0.0
 
@@ -220,6 +219,7 @@ def ended_step(
         store(space.acc, i, zero)
     older = k3 + len(sites.single)
     for i in range(older):
+        store(impulse, 2 * older + i, load(impulse, older + i))
         store(impulse, older + i, load(impulse, i))
         store(impulse, i, zero)
     if count:
@@ -261,13 +261,14 @@ def ended_step(
     store(before, 2 * nv, goes)
     for i in range(older):
         store(impulse, older + i, above(strikes, 0.5, load(impulse, i), load(impulse, older + i)))
+        store(impulse, 2 * older + i, above(strikes, 0.5, load(impulse, i), load(impulse, 2 * older + i)))
 
 
 def advance_blocks(
     parent: Array, kind: Array, placement: Array, free: int,
     site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
     plane: Array, pieces: Array, faces: Array, face: Array, push_body: Array,
-    inertia: Array, proof: Array, joint: Array, world: Array, friction: Array, push: Array,
+    inertia: Array, checked: Array, joint: Array, world: Array, friction: Array, push: Array,
     q: Array, v: Array, before: Array, impulse: Array, told: Array, space: Array, whole: Array,
     last: int, number: int, steps: int, t: float, h: float, coulomb: bool,
 ) -> None:  # fmt: skip
@@ -292,7 +293,7 @@ def advance_blocks(
         face: As there.
         push_body: The body of each push.
         inertia: As of `Given`, one for all blocks, or one each, as are the next five.
-        proof: As there.
+        checked: As there.
         joint: As there.
         world: As there.
         friction: As there.
@@ -300,7 +301,7 @@ def advance_blocks(
         q: Configurations, shape (blocks, rows, lanes); written.
         v: Velocities, a base's in the world's axes; written.
         before: Accelerations of the last two steps, and whether there were two, shape (blocks, 2 nv + 1, lanes); written.
-        impulse: Impulses of the last step and the one before, of points in the world's axes; written.
+        impulse: Impulses of the last three steps, of points in the world's axes; written.
         told: Shape (blocks, TOLD, lanes); written.
         space: Working memory, shape (rows, lanes).
         whole: Integers: block, step and part to begin with, and those reached; then what is active, shape (ACTIVE + 2 sites,).
@@ -325,7 +326,7 @@ def advance_blocks(
     while whole[BLOCK] < last:
         b = whole[BLOCK]
         given = Given(
-            inertia[min(b, len(inertia) - 1)], proof[min(b, len(proof) - 1)], joint[min(b, len(joint) - 1)],
+            inertia[min(b, len(inertia) - 1)], checked[min(b, len(checked) - 1)], joint[min(b, len(joint) - 1)],
             world[min(b, len(world) - 1)], friction[min(b, len(friction) - 1)], push[min(b, len(push) - 1)],
         )  # fmt: skip
         while whole[STEP] < steps:
@@ -336,6 +337,11 @@ def advance_blocks(
             ):  # fmt: skip
                 whole[PART] = 1
                 return
+            if whole[PART] == 1:
+                count = whole[HOW_MANY]
+                polished(
+                    sites, whole[ACTIVE : ACTIVE + len(site)], count, whole[ACTIVE + len(site) :], whole[HOW_WIDE], coulomb, law
+                )
             whole[PART] = 0
             ended_step(tree, sites, given, number + i, h, coulomb, q[b], v[b], before[b], impulse[b], told[b], room, law, whole)
             whole[STEP] += 1
@@ -359,4 +365,4 @@ advance = compiled(
 )  # fmt: skip
 """Of arrays with `LANES` lanes."""
 advance_alone = compiled(advance_blocks)
-"""The same for one world a block: arrays without the last dimension. It is compiled where it is first called."""
+"""The same for one world a block: arrays without the last dimension. Not compiled."""

@@ -194,7 +194,7 @@ class _Check:
 
     def _robot(self) -> CheckedModel:
         """The robot with the masses and the gravity of the world."""
-        own, first = self.table["proof"].reshape(-1, rows.INERTIA), self.one.packed.inertia.reshape(-1, rows.INERTIA)
+        own, first = self.table["checked"].reshape(-1, rows.INERTIA), self.one.packed.inertia.reshape(-1, rows.INERTIA)
         sizes = [np.abs(x[:, [0, 4, 7, 9]]).sum(axis=1) for x in (own, first)]
         robot = copy.deepcopy(self.one.robot)
         for j, (a, b) in enumerate(zip(*sizes, strict=True), start=1):

@@ -30,6 +30,8 @@ from rbd.worlds.layout import (
     GAP,
     IDLE,
     LEAST,
+    LEFT,
+    LIGHT,
     MANY,
     MERIT,
     MERITS,
@@ -37,24 +39,24 @@ from rbd.worlds.layout import (
     NORMAL,
     OFFSET,
     POINT,
-    SCALE,
     SHIFT,
     SIDE,
     SIZE,
     SQUARE,
     STICK,
+    STILL,
     UNIT,
     Law,
 )
 from rbd.worlds.sites_kernel import Sites
 from rbd.worlds.spatial_kernel import Nine, Three, cross, dot, minus, plus, put, three, times, turned
 
-MOST, TRIES, EARLY, GROWS, AGAIN, OPEN = 32, 7, 3, 4.0, 8, 20
+MOST, TRIES, EARLY, GROWS, AGAIN, OPEN, LAST = 32, 7, 3, 4.0, 8, 20, 4
 """Newton's steps; halvings of one; the first in which the sum of squares may grow, and how much; the steps before which worlds
-that are not solved begin again: with all points sticking, and with all open."""
-SOLVED = 1e-10
-"""Scaled natural residual at which a world stands still, over the largest scaled velocity."""
-FOUND = 1e-9
+that are not solved begin again, with all points sticking, and with all open; steps of worlds that were solved alone."""
+SOLVED = 5e-9
+"""Scaled residual of the law at which a world stands still."""
+FOUND = 1e-8
 """That at which its answer is taken, if a further step has not halved it."""
 DEPENDENT, TINY = 1e-13, 1e-300
 PROXIMAL = 1e-7
@@ -81,7 +83,12 @@ def factor(law: Law, rows: int) -> None:
 
 @compiled
 def evaluate(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, w: Array, law: Law) -> None:
-    """Write P(w - y) - w of all parts, their slopes, and the merit (largest entry) and sum of squares."""
+    """Write P(w - y) - w of all parts, their slopes, the merit and the sum of squares.
+
+    The merit is the largest of the parts': velocities of points that touch over their least scale; what else is missing over
+    the part's weight, or that scale, whichever makes it more. So it is no less than the scaled residuals of the law in
+    `rbd.problem.residuals`.
+    """
     zero, one, k3 = spread(w, 0.0), spread(w, 1.0), 3 * len(sites.arm)
     loads(sites, active, count, starts, w, law)
     for i in range(rows):
@@ -103,9 +110,11 @@ def evaluate(sites: Sites, active: Array, count: int, starts: Array, rows: int, 
                 gap = above(p, high, high, above(low, p, low, p)) - x
                 store(law.single, q + 4, gap)
                 store(law.single, q + 5, inside)
-                size_of = above(gap, zero, gap, -gap)
-                top = above(size_of, top, size_of, top)
                 square = square + gap * gap
+                least, still, held = load(law.single, q + 7), load(law.single, q + 6), above(x, zero, x, -x)
+                light = 1.0 / above(held, least, held, least)
+                far = above(gap, zero, gap, -gap) * above(light, still, light, still)
+                top = above(far, top, far, top)
             continue
         turn = three(law.answer, i + 3) if size == 6 else (zero, zero, zero)
         linear = three(law.answer, i)
@@ -140,10 +149,23 @@ def evaluate(sites: Sites, active: Array, count: int, starts: Array, rows: int, 
             store(law.point, q + SIDE, live * slips * share / (1.0 - (1.0 - PROXIMAL) * share * slips))
             put(law.point, q + ACROSS, cross(n, e))
             put(law.point, q + ALONG, e)
-            for r in range(3):
-                size_of = above(gap[r], zero, gap[r], -gap[r])
-                top = above(size_of, top, size_of, top)
-                square = square + gap[r] * gap[r]
+            least, held, still = load(law.point, q + LIGHT), dot(n, x), load(law.point, q + STILL)
+            square = square + dot(gap, gap)
+            moves = times(touching - slips, gap)  # the part of the gap that is of the velocity alone
+            if coulomb:
+                moves = plus(moves, times(slips * dot(n, gap), plus(n, times(mu, e))))
+            pushes, across = minus(gap, moves), minus(x, times(held, n))
+            rubs, slide = root(dot(across, across)), minus(along, across)
+            held_by = above(slips, 0.5, rubs, held)
+            light = 1.0 / above(held_by, least, held_by, least)
+            far, out = root(dot(pushes, pushes)), live * (rubs - mu * held)
+            # the angle between force and slip grows with the velocity's part in it, at most by this
+            turned_by = light * (1.0 + rubs / root(dot(slide, slide) + TINY))
+            scale = above(still, light, above(still, turned_by, turned_by, still), light)
+            far = above(far, out, far, out) * scale
+            top = above(far, top, far, top)
+            far = still * root((1.0 + mu * mu) * dot(moves, moves))  # that along n also widens what holds it across
+            top = above(far, top, far, top)
     store(law.merit, MERIT, top)
     store(law.merit, SQUARE, square)
 
@@ -294,35 +316,24 @@ def put_columns(B: Array, i: int, x: Three, y: Three, z: Three) -> None:
 
 @compiled
 def solved(
-    sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, fresh: Number, law: Law
+    sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, fresh: Number, law: Law, which: Number,
+    most: int,
 ) -> int:  # fmt: skip
     """Newton's steps from the weights in `law.w`, and how many; `law.best` gets the best found, `law.merit` how good they are.
 
-    Worlds that are `fresh`, and later those that are not solved yet, begin with all points sticking, by weights of least norm:
-    of several weights for one motion these are seldom at the edge of a cone, where Newton's method is slow.
+    At most `most`, of the worlds in which `which` is one. Worlds that are `fresh`, and later those that are not solved yet,
+    begin with all points sticking, by weights of least norm: of several weights for one motion these are seldom at the edge of
+    a cone, where Newton's method is slow.
     """
     zero, one, k3 = spread(law.w, 0.0), spread(law.w, 1.0), 3 * len(sites.arm)
     factor(law, rows)
-    scale = spread(law.w, TINY)
-    for a in range(count):
-        s = active[a]
-        for c in range(sites.site[s, FIRST], sites.site[s, FIRST] + sites.site[s, MANY]):
-            if sites.site[s, SIZE] == 1:
-                x = load(law.single, 8 * c) * load(law.single, 8 * c + 3)
-                scale = above(x, scale, x, above(-x, scale, -x, scale))
-                continue
-            unit = load(law.point, POINT * c + UNIT) * (1.0 - load(law.point, POINT * c + IDLE))
-            for r in range(3):
-                x = unit * load(law.point, POINT * c + OFFSET + r)
-                scale = above(x, scale, x, above(-x, scale, -x, scale))
-    store(law.merit, SCALE, scale)
     begun(sites, active, count, fresh, law)
     evaluate(sites, active, count, starts, rows, coulomb, law.w, law)
     store(law.merit, LEAST, load(law.merit, MERIT))
     copied(sites, active, count, law.w, law.best, one)
-    waits = above(load(law.merit, LEAST), SOLVED * scale, one, zero)
+    waits = above(load(law.merit, LEAST), SOLVED, which, zero)
     stick, early = fresh * waits, 0
-    for step in range(MOST):
+    for step in range(most):
         if largest(waits) == 0.0:
             return step
         if step == AGAIN or step == OPEN:
@@ -355,12 +366,22 @@ def solved(
         better = above(load(law.merit, LEAST), load(law.merit, MERIT), one, zero)
         copied(sites, active, count, law.w, law.best, better)
         least = load(law.merit, LEAST)
-        stalls = above(least, FOUND * scale, zero, above(load(law.merit, MERIT), 0.5 * least, one, zero))
+        stalls = above(least, FOUND, zero, above(load(law.merit, MERIT), 0.5 * least, one, zero))
         least = above(better, 0.5, load(law.merit, MERIT), least)
         store(law.merit, LEAST, least)
-        waits = above(least, SOLVED * scale, waits, zero) * (1.0 - stalls)
+        waits = above(least, SOLVED, waits, zero) * (1.0 - stalls)
         stick = zero
-    return MOST
+    return most
+
+
+@compiled
+def polished(sites: Sites, active: Array, count: int, starts: Array, rows: int, coulomb: bool, law: Law) -> None:
+    """Take some more of Newton's steps in worlds that were solved alone, by methods with other scales."""
+    zero, one = spread(law.w, 0.0), spread(law.w, 1.0)
+    left = load(law.merit, LEFT)
+    copied(sites, active, count, law.best, law.w, one)
+    solved(sites, active, count, starts, rows, coulomb, zero, law, above(left, 0.5, zero, above(left, 0.0, one, zero)), LAST)
+    store(law.merit, LEFT, above(left, 0.5, one, zero))
 
 
 @compiled
@@ -444,4 +465,4 @@ def law_in(space: Array, sites: Sites, n: int) -> Law:
 def law_size(n: int, sites: Sites) -> int:
     """Rows of that memory."""
     k, l, s, rows = len(sites.arm), len(sites.single), len(sites.site), int(sites.site[:, SIZE].sum())
-    return rows * (n + 8) + 4 * rows * rows + POINT * k + 8 * l + 4 * (3 * k + l) + s + 44
+    return rows * (n + 8) + 4 * rows * rows + POINT * k + 8 * l + 4 * (3 * k + l) + s + 36 + MERITS

@@ -1,8 +1,8 @@
 """Steps of worlds whose impulses were not found together with others: one world after the other.
 
 By `rbd.solvers.law_kernel`; then by `rbd.ConeSolver`, and the former from there. `ConeSolver` takes symmetric problems: there
-forces act where points are at the end of the step. If its answer does not lead to that of the problem with forces in the middle
-of the step, it is taken as it is: another by the order of the step.
+forces act where points are at the end of the step. If its answer, made exact, does not lead to that of the problem with forces
+in the middle of the step, it is taken as it is, and the residual of the step says so.
 """
 
 from __future__ import annotations
@@ -61,5 +61,7 @@ def _solve(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: b
     except RbdError:
         return
     guess = np.ascontiguousarray(found.multipliers, float)
-    if taken_from(*sites, space, whole, n, of, coulomb, guess, False) > FOUND:
-        taken_from(*sites, space, whole, n, of, coulomb, guess, True)
+    if taken_from(*sites, space, whole, n, of, coulomb, guess, False) <= FOUND:
+        return
+    if taken_from(*sites, space, whole, n, of, coulomb, guess, True) <= FOUND:
+        taken_from(*sites, space, whole, n, of, coulomb, guess, False)

@@ -25,17 +25,20 @@ BLOCK, STEP, PART, HOW_MANY, HOW_WIDE, ACTIVE = range(6)
 how many rows they have; and where the active sites and their first rows begin."""
 BODY, SIZE, FIRST, MANY = range(4)
 """Columns of a site's integers: its body, rows, first point (or single) and how many."""
-ARM, NORMAL, OFFSET, MU, UNIT, IDLE, GAP, STICK, EDGE, SIDE, ACROSS, ALONG, FELT, SHIFT = (
-    0, 3, 6, 9, 10, 11, 12, 15, 16, 17, 18, 21, 24, 27,
+ARM, NORMAL, OFFSET, MU, UNIT, IDLE, GAP, STICK, EDGE, SIDE, ACROSS, ALONG, FELT, SHIFT, STILL, LIGHT = (
+    0, 3, 6, 9, 10, 11, 12, 15, 16, 17, 18, 21, 24, 27, 30, 31,
 )  # fmt: skip
 """Where a point has what: its arm from the site's point, normal, velocity without impulses, friction, unit, whether it is out
 of reach, P(w - y) - w, whether it sticks, whether it slips, the share of its tangential force, directions across and along, its
-arm at the end of the step, and what was added to its velocity so that friction opposes that in the middle of the step."""
-POINT = 30
+arm at the end of the step, what was added to its velocity so that friction opposes that in the middle of the step, and the
+least scales of its velocity and of its weight, of which the former is kept as its inverse."""
+POINT = 32
 """Rows of a point in `Law.point`."""
-LEAST, MERIT, SQUARE, SCALE, DEEP, ARRIVAL, ARRIVES, LEFT = range(8)
+LEAST, MERIT, SQUARE, DEEP, ARRIVAL, ARRIVES, LEFT = range(7)
 """Rows of `Law.merit`, which is the last."""
-MERITS = 8
+MERITS = 7
+ALONE = 0.25
+"""In row LEFT: impulses were found, but not with those of the other worlds of the block."""
 
 
 class Ground(NamedTuple):
@@ -59,7 +62,7 @@ class Given(NamedTuple):
 
     Attributes:
         inertia: As of `free_motion`, shape (11 n,).
-        proof: The same, for the residuals.
+        checked: The same, for the residuals.
         joint: Shape (JOINT joints,).
         world: Gravity (3) and height of the ground, shape (4,).
         friction: Shape (k,).
@@ -67,7 +70,7 @@ class Given(NamedTuple):
     """
 
     inertia: Array
-    proof: Array
+    checked: Array
     joint: Array
     world: Array
     friction: Array
@@ -100,7 +103,7 @@ class Law(NamedTuple):
         factor: C, shape (rows rows,).
         turned: Q M Q^T C, shape (rows rows,).
         point: Of each point, shape (POINT k,).
-        single: Of each single: offset, lower and upper bound, unit, gap, slope, shape (8 l,).
+        single: Of each single: offset, lower and upper bound, unit, gap, slope, and scales as of points, shape (8 l,).
         w: Weights, shape (3 k + l,).
         new: As w.
         best: As w.
@@ -110,8 +113,8 @@ class Law(NamedTuple):
         system: C^T Q M Q^T C + I, shape (rows rows,).
         load: Q w, shape (rows,).
         answer: D Q w, shape (rows,).
-        merit: Least merit, merit, sum of squares, largest scaled velocity; the largest depth, when a point arrives in the step,
-            whether one does, and whether no impulses were found, shape (8,).
+        merit: Least merit, merit, sum of squares; the largest depth, when a point arrives in the step, whether one does, and
+            whether impulses are left to be found, or ALONE, shape (7,).
     """
 
     lift: Array

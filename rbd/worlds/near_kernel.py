@@ -16,6 +16,7 @@ from rbd.worlds.layout import (
     HIGH,
     IDLE,
     JOINT,
+    LIGHT,
     LOW,
     MANY,
     MU,
@@ -26,6 +27,7 @@ from rbd.worlds.layout import (
     RUBS,
     SHIFT,
     SIZE,
+    STILL,
     UNIT,
     Given,
     Ground,
@@ -40,6 +42,8 @@ MOBILITY = 3.0
 """Of each scaled point: between fewest steps of points that slide, 1, and of those that strike, 10."""
 SPEED = 10.0
 """With four times its own: the largest speed [m/s] with which an open point may be allowed to approach."""
+ROUNDING = 1e-5
+"""Part of a point's velocity without impulses that counts in its scale: 5e-9 of that is some two hundred roundings."""
 SHARE = 0.5
 """Part of a gap that a closed point loses a step."""
 
@@ -267,8 +271,14 @@ def touched(
 
 
 @compiled
-def begin_weights(sites: Sites, active: Array, count: int, starts: Array, rows: int, impulse: Array, law: Law) -> None:
-    """Write the units of the parts, and weights to begin with: as the impulses of the last two steps go on."""
+def begin_weights(
+    sites: Sites, active: Array, count: int, starts: Array, rows: int, impulse: Array, h: float, law: Law
+) -> None:  # fmt: skip
+    """Write the units and the scales of the parts, and weights to begin with: as the impulses of the last steps go on.
+
+    The least scales are those of `rbd.problem.residuals`, times h: 1 m/s2, and the force that accelerates the part so, at most
+    1 N; and of a velocity ROUNDING of that without impulses.
+    """
     k3 = 3 * len(sites.arm)
     one, zero, older = spread(impulse, 1.0), spread(impulse, 0.0), k3 + len(sites.single)
     for a in range(count):
@@ -280,6 +290,9 @@ def begin_weights(sites: Sites, active: Array, count: int, starts: Array, rows: 
                 store(law.single, 8 * l + 3, unit)
                 store(law.single, 8 * l + 1, load(law.single, 8 * l + 1) / unit)
                 store(law.single, 8 * l + 2, load(law.single, 8 * l + 2) / unit)
+                light, u = h * unit, load(law.single, 8 * l)
+                store(law.single, 8 * l + 6, 1.0 / (unit * (h + ROUNDING * above(u, zero, u, -u))))
+                store(law.single, 8 * l + 7, above(unit, 1.0, h / unit, light))
                 x = 2.0 * load(impulse, k3 + l) - load(impulse, older + k3 + l)
                 store(law.w, k3 + l, x / unit * load(law.live, s))
             continue
@@ -293,6 +306,13 @@ def begin_weights(sites: Sites, active: Array, count: int, starts: Array, rows: 
             size = (linear + dot(r, r) * turning) * (1.0 / 3.0)
             unit = root(MOBILITY / above(size, 1e-20, size, one))
             store(law.point, POINT * c + UNIT, unit)
+            u, light = three(law.point, POINT * c + OFFSET), (h / MOBILITY) * unit
+            store(law.point, POINT * c + STILL, 1.0 / (unit * (h + ROUNDING * root(dot(u, u)))))
+            store(law.point, POINT * c + LIGHT, above(light * unit, h, h / unit, light))
             live = (1.0 - load(law.point, POINT * c + IDLE)) / unit
-            x = minus(times(2.0, three(impulse, 3 * c)), three(impulse, older + 3 * c))
+            x, last = three(impulse, 3 * c), three(impulse, older + 3 * c)
+            if sites.site[s, SIZE] == 6:  # points of soles share their load in many ways: differences of differences mislead
+                x = minus(times(2.0, x), last)
+            else:
+                x = plus(times(3.0, minus(x, last)), three(impulse, 2 * older + 3 * c))
             put(law.w, 3 * c, times(live, x))

@@ -14,6 +14,7 @@ from rbd.worlds.contact_kernel import FOUND, law_in
 from rbd.worlds.lanes import lane, put_lane
 from rbd.worlds.layout import (
     ACTIVE,
+    ALONE,
     ARM,
     FELT,
     FIRST,
@@ -131,22 +132,29 @@ def _taken_from(
     site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
     space: Array, whole: Array, n: int, of: int, coulomb: bool, guess: Array, at_end: bool,
 ) -> float:  # fmt: skip
-    """The merit of the impulses of a lane, found from a guess; taken where that is good enough.
+    """The merit of the impulses of a lane, found from a guess; taken where that is good enough, and the next guess.
 
-    With `at_end` they act where the points are at the end of the step, which makes the problem symmetric.
+    With `at_end` the problem is another: they act where the points are at the end of the step, which makes it symmetric.
     """
     sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
     law, w = law_in(space, sites, n), np.zeros(len(guess))
-    for c in range(len(arm) if at_end else 0):
+    arms = np.zeros((len(arm), 3))
+    for c in range(len(arm)):
         for r in range(3):
-            put_lane(law.point, POINT * c + ARM + r, of, lane(law.point, POINT * c + FELT + r, of))
+            arms[c, r] = lane(law.point, POINT * c + ARM + r, of)
+            if at_end:
+                put_lane(law.point, POINT * c + ARM + r, of, lane(law.point, POINT * c + FELT + r, of))
     problem, axes, whose = problem_of(
         sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
     )
     merit, _, _ = forces(problem, guess.copy(), coulomb, np.arange(len(whose)), w)
     if merit <= FOUND:
         taken(law, len(arm), axes, whose, of, w)
-        put_lane(law.merit, LEFT, of, 0.0)
+        put_lane(law.merit, LEFT, of, ALONE)
+        guess[:] = w
+    for c in range(len(arm)):
+        for r in range(3):
+            put_lane(law.point, POINT * c + ARM + r, of, arms[c, r])
     return merit
 
 
@@ -160,6 +168,6 @@ left_problem = compiled(
 )  # fmt: skip
 taken_from = compiled(
     _taken_from,
-    signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1), FLAG),
+    signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1, written=True), FLAG),
     unlocked=True,
 )

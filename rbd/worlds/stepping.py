@@ -184,10 +184,10 @@ class Worlds(Displayed):
             raise InputError(f"there are {len(given)} states and {self.n} worlds; give one state, or one a world.")
         self.blocks = -(-self.n // LANES)
         self._given = {name: self._packed_in(x.reshape(-1, x.shape[-1])) for name, x in acts.items()}
-        self._given["proof"] = self._given["inertia"].copy()
+        self._given["checked"] = self._given["inertia"].copy()
         shape = lambda size: np.zeros((self.blocks, size, LANES))  # noqa: E731
         self._q, self._v, self._before = shape(n + 6 * free), shape(robot.nv), shape(2 * robot.nv + 1)
-        self._impulse, self._told = shape(2 * (3 * k + l)), shape(rows.TOLD)
+        self._impulse, self._told = shape(3 * (3 * k + l)), shape(rows.TOLD)
         size, marks = size_of(n, free, sites), rows.ACTIVE + 2 * len(sites.site)
         self._spaces = [(np.zeros((size, LANES)), np.zeros(marks, int)) for _ in range(min(threads, self.blocks))]
         self._law = size - law_size(n, sites)
@@ -334,7 +334,7 @@ class Worlds(Displayed):
         if mass is not None:
             inertia = self.packed.inertia.reshape(-1, rows.INERTIA)
             own = np.arange(inertia.size).reshape(inertia.shape)[:, [0, *range(4, 10)]].ravel()
-            for name in ("inertia", "proof"):
+            for name in ("inertia", "checked"):
                 self._put(name, own, which, mass[:, None] * inertia.ravel()[own])
         for first, value in ((3, force), (9, start), (10, end)):
             if value is not None:
@@ -365,7 +365,7 @@ class Worlds(Displayed):
         while True:
             advance(
                 *tree, *touching.sites, *touching.ground, self._push_bodies,
-                given["inertia"], given["proof"], given["joint"], given["world"], given["friction"], given["push"],
+                given["inertia"], given["checked"], given["joint"], given["world"], given["friction"], given["push"],
                 self._q, self._v, self._before, self._impulse, self._told, space, whole,
                 last, self.steps, steps, self.t, self.step, self.coulomb,
             )  # fmt: skip

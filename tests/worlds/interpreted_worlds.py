@@ -31,7 +31,7 @@ def alone(worlds: Worlds, world: int) -> tuple[list[float], list[float]]:
     parts = [x[:, :, 0].copy() for x in (one._q, one._v, one._before, one._impulse, one._told)]
     advance_kernel.advance_alone(
         *one.packed.tree, *one.touching.sites, *one.touching.ground, one._push_bodies,
-        given["inertia"], given["proof"], given["joint"], given["world"], given["friction"], given["push"],
+        given["inertia"], given["checked"], given["joint"], given["world"], given["friction"], given["push"],
         *parts, space[:, 0].copy(), whole, 1, 0, STEPS, 0.0, one.step, one.coulomb,
     )  # fmt: skip
     return parts[0][0].tolist(), parts[1][0].tolist()

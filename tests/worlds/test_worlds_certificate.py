@@ -13,7 +13,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.InaccurateWarning")
 
 @pytest.mark.parametrize("name", ["solo12", "go2", "g1", "talos", "leg"])
 def test_steps_of_random_worlds_are_right(name, exhaustive, record_property):
-    """The equation of motion to rounding; the law to 1e-9 of the largest terms, 1e-5 of each point's own."""
+    """The equation of motion to rounding; the law, point by point, to what the kernels tell, or to rounding of the gaps."""
     n = 500 if exhaustive else 2
     robot, contacts, q, v, tau, mu = drawn(name, n, 17)
     worlds = rbd.simulate_many((robot, q, v), contacts, duration=0.04, step=1e-3, tau=tau, friction=mu, record=10)
@@ -27,7 +27,9 @@ def test_steps_of_random_worlds_are_right(name, exhaustive, record_property):
         f"depth {depth:.1e} m, turning {turning:.1e} m/s",
     )  # fmt: skip
     assert equation < 1e-9 and path < 1e-9
-    assert law < 1e-5  # Newton's method leaves 1e-9: 2e-6 N at a corner beside 900 N, over the least scale of a force, 1 N
+    rounding = 4.0 * np.finfo(float).eps / 1e-3**2  # of the gap of a point 1 m from the origin, as an acceleration
+    for i, c in zip(some, found, strict=True):
+        assert c.law.max() <= max(worlds.residual[i].max(), rounding) and (c.law.max() < 1e-8 or i in worlds.flagged)
     assert abs(depth - worlds.depth[some].max()) < 1e-9
 
 
@@ -45,14 +47,14 @@ def test_a_certificate_is_of_the_world_with_its_own_arguments():
     worlds = rbd.simulate_many(state, contacts, duration=0.03, step=1e-3, controller=servo, record=7, **own)
     for i in range(3):
         certificate = worlds.certify(i, every=3)
-        assert certificate.equation.max() < 1e-10 and certificate.law.max() < 1e-6
+        assert certificate.equation.max() < 1e-10 and certificate.law.max() < 1e-8
         assert len(certificate.steps) == 10 and str(i) in str(certificate)
 
     def pulls(t, q, v):
         return -3.0 * (q[:, 7:] - q[:, 7:].mean(axis=0)) - 0.05 * v[:, 6:] + tau  # towards the mean of all worlds
 
     worlds = rbd.simulate_many(state, contacts, duration=0.02, step=1e-3, controller=pulls, every=2, record=5, **own)
-    assert worlds.certify(1, every=4).worst < 1e-6
+    assert worlds.certify(1, every=4).worst < 1e-8
 
 
 def test_a_controller_with_memory_is_refused():
@@ -70,7 +72,7 @@ def test_a_controller_with_memory_is_refused():
 
 
 def test_a_wrong_mass_in_one_lane_is_flagged():
-    """The mass of the base in world 2 is 1 % more in the dynamics than in the proof: the residual of this world tells."""
+    """The mass of the base in world 2 is 1 % more in the dynamics than in what checks it: the residual of this world tells."""
     state, contacts, tau = standing("solo12")
     worlds = rbd.worlds.Worlds(state.robot, contacts, np.tile(state.q, (4, 1)), step=1e-3)
     worlds.drive(tau=tau)

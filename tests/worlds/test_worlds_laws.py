@@ -108,7 +108,7 @@ def test_a_joint_with_friction_or_damping_follows_its_closed_form():
     v0 = start[2]
     expected = np.sign(v0) * np.maximum(np.abs(v0) - 0.5 / 0.2 * t, 0.0)
     assert np.abs(worlds.v[:, :, 0] - expected).max() < 1e-9 + 0.5 / 0.2 * 1e-3
-    assert np.abs(worlds.v[:2, -1]).max() < 1e-12
+    assert np.abs(worlds.v[:2, -1]).max() < 1e-8 * 1e-3  # at rest but for what the law's residual leaves in a step
     angle = 0.3 + 60.0 * t[0] - 0.5 * 2.5 * t[0] ** 2
     assert np.abs(worlds.q[2, :, 0] - np.cos(angle)).max() < 1e-9  # after nine turns
     damped = rbd.simulate_many((wheel, start[1], v0 / 3.0), [], duration=1.0, step=1e-2, damping={"axle": [0.0, 0.3, 2.0]})

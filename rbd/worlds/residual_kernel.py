@@ -10,7 +10,7 @@ from rbd.arrays import Array
 from rbd.kernels import compiled
 from rbd.worlds.contact_kernel import evaluate
 from rbd.worlds.lanes import Number, above, load, root, spread, store
-from rbd.worlds.layout import BODY, DEEP, FELT, FIRST, MANY, MERIT, OFFSET, POINT, SCALE, SIZE, Given, Law, Space
+from rbd.worlds.layout import BODY, DEEP, FELT, FIRST, MANY, MERIT, OFFSET, POINT, SIZE, Given, Law, Space
 from rbd.worlds.near_kernel import of_site, zeros
 from rbd.worlds.sites_kernel import Sites, site_point
 from rbd.worlds.spatial_kernel import (
@@ -67,14 +67,14 @@ def equation_residual(
         put(work, o + A, a)
         put(work, o + A + 3, b)
         Q = nine(work, o + R)
-        x = plus(three(work, o + P), turned(Q, three(given.proof, 11 * j + 1)))
+        x = plus(three(work, o + P), turned(Q, three(given.checked, 11 * j + 1)))
         u = plus(l, cross(w, x))
-        force = times(load(given.proof, 11 * j), plus(plus(a, cross(b, x)), cross(w, u)))
-        E = turned_symmetric(Q, six(given.proof, 11 * j + 4))
+        force = times(load(given.checked, 11 * j), plus(plus(a, cross(b, x)), cross(w, u)))
+        E = turned_symmetric(Q, six(given.checked, 11 * j + 4))
         spin, moment = times_symmetric(E, w), times_symmetric(E, b)
         put(work, o + U, minus(force, three(space.pushes, 6 * j)))
         put(work, o + U + 3, minus(plus(plus(moment, cross(w, spin)), cross(x, force)), three(space.pushes, 6 * j + 3)))
-        size = size + root(dot(force, force)) + load(given.proof, 11 * j)  # at least what accelerates it at 1 m/s2
+        size = size + root(dot(force, force)) + load(given.checked, 11 * j)  # at least what accelerates it at 1 m/s2
         x = three(work, o + P)
         far = above(dot(x, x), far, dot(x, x), far)
     for a in range(count):
@@ -94,7 +94,7 @@ def equation_residual(
         f, m = three(work, o + U), three(work, o + U + 3)
         a = (load(space.end, 5 * free + j) - load(v, 5 * free + j)) * (1.0 / h)
         x = dot(three(work, o + S), f) + dot(three(work, o + S + 3), m) - load(space.tau, j - free)
-        x = x + (load(given.proof, 11 * j + 10) + load(space.damping, j - free)) * a - load(space.acc, 5 * free + j)
+        x = x + (load(given.checked, 11 * j + 10) + load(space.damping, j - free)) * a - load(space.acc, 5 * free + j)
         x = x / (far if tree.kind[j] == 0 else zero + 1.0)
         worst = above(x, worst, x, above(-x, worst, -x, worst))
         if k >= 0:
@@ -133,4 +133,4 @@ def law_residual(
         for r in range(rows * sites.site[s, SIZE]):
             store(law.mobility, i * rows + r, zero)
     evaluate(sites, active, count, starts, rows, coulomb, law.best, law)
-    return load(law.merit, MERIT) / load(law.merit, SCALE)
+    return load(law.merit, MERIT)
