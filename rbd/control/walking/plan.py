@@ -91,8 +91,7 @@ class WalkPlan(Displayed):
         centroid: Centre of mass, rate of angular momentum and forces at these times.
         fade: Forces of feet rise and fall within this time [s].
         inertia: See `Planner`.
-        tilts: Whether the body rolls and pitches with the angular momentum; else it is kept level.
-        tilted: Angle of roll and pitch at the first time, a rotation vector, shape (3,) [rad].
+        tilts: Whether the body, level at the first time, rolls and pitches with the angular momentum; else it stays level.
         until: From when on it knows no more steps though there are [s]; infinite where it has all.
     """
 
@@ -105,7 +104,6 @@ class WalkPlan(Displayed):
     fade: float
     inertia: Array
     tilts: bool
-    tilted: Array
     until: float = math.inf
 
     @property
@@ -178,7 +176,7 @@ class WalkPlan(Displayed):
         total = self._angle(within) - self._angle(first) + (within - first) * self.centroid.start
         known = self.momentum(t)
         level = np.array([total, known.value[3:], known.velocity[3:]]) @ np.linalg.inv(R @ self.inertia @ R.T) / self.robot.mass
-        return np.asarray((level + [self.tilted, np.zeros(3), np.zeros(3)]) * [1.0, 1.0, 0.0])
+        return np.asarray(level * [1.0, 1.0, 0.0])
 
     def swing(self, foot: str, t: float) -> Swing | None:
         """The last way through the air that has begun, else the first; None of a foot that stays."""
@@ -266,7 +264,7 @@ class Planner:
             swings[step.foot].append(self.way(step.foot, begin, step.pose, step.start, step.end - step.start))
         end = max((s.end for s in steps), default=0.0) + REST * self.unit
         ready = {foot: tuple(own) for foot, own in swings.items()}
-        return self.plan(ready, 0.0, end, (self.com, np.zeros(3), np.zeros(3), np.zeros(3)), EVERY, {})[0]
+        return self.plan(ready, 0.0, end, (self.com, np.zeros(3), np.zeros(3)), EVERY, {})[0]
 
     def way(self, foot: str, begin: pin.SE3, end: pin.SE3, start: float, T: float) -> Swing:
         """From one foothold to the next, over what lies between."""
@@ -306,7 +304,7 @@ class Planner:
         swings: Mapping[str, tuple[Swing, ...]],
         begin: float,
         end: float,
-        start: tuple[Array, Array, Array, Array],
+        start: tuple[Array, Array, Array],
         every: float,
         shifts: Mapping[tuple[str, int], float],
     ) -> tuple[WalkPlan, dict[tuple[str, int], Array]]:
@@ -316,16 +314,14 @@ class Planner:
             swings: {foot: its ways through the air}.
             begin: First time [s].
             end: Last time [s].
-            start: Centre of mass, its velocity, angular momentum, and tilt at the first time.
+            start: Centre of mass, its velocity, and angular momentum at the first time.
             every: Time between two of its times [sqrt(h / g)].
             shifts: {(foot, number of its swing): by how far its foothold may be shifted [m]}.
         """
         late = LATE * self.unit if shifts else 0.0
         t = np.linspace(begin, end, max(round((end - begin) / (every * self.unit)), 8) + 1)
         none: Any = None
-        draft = WalkPlan(
-            self.robot, self.floor, swings, self.poses, t, none, self.fade, self.inertia, self.tilt > 0.0, start[3]
-        )  # fmt: skip
+        draft = WalkPlan(self.robot, self.floor, swings, self.poses, t, none, self.fade, self.inertia, self.tilt > 0.0)
         number = {key: i for i, key in enumerate(shifts)}
         points, touches, stance, normals, placed = [], [], [], [], dict[str, list[pin.SE3]]()
         for foot in self.floor.feet:
@@ -344,7 +340,7 @@ class Planner:
             float(t[1] - t[0]), self.robot.mass, self.robot.gravity, np.concatenate(points, axis=1),
             np.concatenate(touches, axis=1), FRICTION_SHARE * self.friction, self._reference(draft, placed),
             np.zeros((len(t), 3)), np.concatenate(stance, axis=1) if shifts else None, self._bounds(draft, shifts),
-            (False, True), start=start[:3], normals=None if self.floor.level else np.concatenate(normals, axis=1),
+            (False, True), start=start, normals=None if self.floor.level else np.concatenate(normals, axis=1),
             costs=self._costs(),
         )  # fmt: skip
         found = program.solve()
@@ -422,7 +418,7 @@ class Planner:
         return np.array(rows), np.array(least)
 
     def again(self, plan: WalkPlan, t: float, com: Array, v: Array, L: Array, hurry: bool) -> WalkPlan:
-        """A plan from a state on the way: footholds that are still to come are shifted as balance needs.
+        """A plan from a state on the way: footholds that are still to come are shifted as balance needs, the body comes level.
 
         Args:
             plan: The one before.
@@ -439,7 +435,7 @@ class Planner:
         for by in self._sooner(plan, t) if hurry else (0.0,):
             try:
                 some = self._quicker(sooner(plan, t, by), t) if hurry else plan
-                found.append(self._again(some, t, (com, v, L, plan.tilt(t, plan.turn(t))[0])))
+                found.append(self._again(some, t, (com, v, L)))
             except NoSolution as error:
                 failed.append(error)
         if not found:
@@ -477,7 +473,7 @@ class Planner:
 
         return replace(plan, swings={foot: tuple(map(quicker, own)) for foot, own in plan.swings.items()})
 
-    def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array, Array]) -> WalkPlan:
+    def _again(self, plan: WalkPlan, t: float, start: tuple[Array, Array, Array]) -> WalkPlan:
         ahead, shifts = t + AHEAD * self.unit, dict[tuple[str, int], float]()
         some, beyond = dict[str, tuple[Swing, ...]](), False
         for foot, own in plan.swings.items():
