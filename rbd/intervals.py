@@ -280,7 +280,7 @@ def residual(parts: list[tuple[Array, Array]], added: list[Array], extra: Array 
 
 
 def bounded_by(E: Array, start: Array, *, steps: int = 12) -> Array | None:
-    """Bounds v > 0 with start + E v < v, so that the spectral radius of E >= 0 is below 1; None where none was found, shape (n,).
+    """Bounds v > 0 with start + E v < v, so that the spectral radius of E >= 0 is below 1; None where none was found.
 
     Args:
         E: Upper bounds, non-negative, shape (n, n).
