@@ -7,9 +7,9 @@ doubles. With the modes of `rbd.answers.analysis.contact_modes` fixed, its law i
 
     w = sum_k phi_k s_k;  a point that starts to slip: w_t = -mu s y_t / |y_t|, and y_n = 0 (coulomb) or y_n = mu |y_t| (convex)
 
-It is linear where nothing starts to slip. With R near F'(z0)^-1 and Z = {|z - z0| <= v}: if |R F(z0)| + |I - R F'(Z)| v < v, then
-Z holds exactly one zero of F, and it is in z0 - R F(z0) + (I - R F'(Z)) (Z - z0) [Rump2010]. Then every inequality of the law is
-checked over these intervals, strictly. All of it is done with `rbd.intervals`.
+It is linear where nothing starts to slip. With R near F'(z0)^-1 and Z = {|z - z0| <= v}: if |R F(z0)| + |I - R F'(Z)| v < v,
+then Z holds exactly one zero of F, and it is in z0 - R F(z0) + (I - R F'(Z)) (Z - z0) [Rump2010]. Then every inequality of the
+law is checked over these intervals, strictly. All of it is done with `rbd.intervals`.
 
 Of linearly dependent columns an independent subset is enclosed, and the others' weights stay those of the answer, or, where
 these are on the edge of their sets, those farthest inside: any admissible forces with this motion will do. Rounded dependent
@@ -24,11 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.answers.analysis.active_set import inmost, room_of
-from rbd.answers.analysis.contact_modes import Modes, modes_of
+from rbd.answers.analysis.contact_modes import modes_of
 from rbd.arrays import RANK, Array, lapack, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import NotEnclosed
-from rbd.intervals import Intervals, above, bounded_by, positive_definite, product, products, residual, sums
+from rbd.intervals import TINY, Intervals, above, bounded_by, positive_definite, product, products, residual, sums
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import Element
 from rbd.problem.residuals import SOLVED
@@ -49,7 +49,7 @@ class Enclosure(Displayed):
         a: Acceleration, shape (nv,) [m/s2, rad/s2].
         forces: {constraint: its force or wrench on the robot in world axes, as `Solution.forces`} [N, N m]; of forces that are
             not unique, one admissible choice.
-        unique: {constraint: whether its row forces are the only ones with this motion and these modes}, judged in floating point.
+        unique: {constraint: whether no other row forces of these modes cause this motion}, judged in floating point.
         modes: {constraint: mode of each of its parts, as "sticks"}.
         scope: What was shown: `ONLY`, of all motions (the law is a convex one and M was shown to be positive definite);
             `OF_MODES`; `NEARBY`, where a point starts to slip; `SHARED`, where points share loads that are not unique.
@@ -114,11 +114,11 @@ def _unit(t: Array, more: Intervals) -> tuple[tuple[float, Intervals], Array, In
 
     |x| = q + rho / (q + |x|) with rho = |x|^2 - q^2; x / |x| = e + (x - e |x|) / |x|. Without `more` each is a double.
     """
-    high, low, rad = sums(np.concatenate(products(t, t)))
+    high, low, rad = sums(np.concatenate(products(t, t)), TINY)
     square = Intervals(low, rad) + (more * (t * 2.0))[0] + (more * (t * 2.0))[1] + more[0] * more[0] + more[1] * more[1]
     q = float(np.sqrt(high))
     p, rest = products(np.array(q), np.array(q))
-    rho = square + ((high - p) - rest)
+    rho = square + (high - p) - rest  # high - p is exact, as both are near
     length = (Intervals.exact(high) + square).sqrt()
     q_more = rho / (length + q)
     e = t / q
@@ -173,7 +173,7 @@ class _Enclosing:
             self._kernel /= np.linalg.norm(self._kernel, axis=0)
             needs = self._modes.needs
             if needs and room_of(needs, self._start).min() < _ROOM:
-                self._start = inmost(needs, self._start, self._kernel)[0]
+                self._start = inmost(needs, self._start, self._kernel, nearly=True)[0]
         if not np.array_equal(self._T.G @ self._Phi, self._T.H @ self._Psi):  # friction: fewer accelerations than forces
             Y = self._P.whitened @ (self._T.H @ self._Psi)
             length = np.linalg.norm(Y, axis=0)
@@ -256,23 +256,22 @@ class _Enclosing:
         w_low, speeds = Intervals(np.zeros(T.size), w.rad), list[tuple[float, Intervals]]()
         for slip in self._slips:
             at, load = slip.columns, float(s[slip.active])
-            speed, e, e_low = _unit(high[at], Intervals(low[at], rad[at]))
+            length, e, e_low = _unit(high[at], Intervals(low[at], rad[at]))
             push, push_low = products(np.array(-self._friction(at)), np.array(load))
             rubs, rest = products(push, e)
-            more = (e_low * push) + (e * push_low) + (e_low * push_low) + rest
-            w.mid[at], w_low.mid[at], w_low.rad[at] = rubs, more.mid, more.rad
-            speeds.append(speed)
+            others = (e_low * push) + (e_low * push_low) + rest + Intervals.exact(e) * push_low
+            w.mid[at], w_low.mid[at], w_low.rad[at] = rubs, others.mid, others.rad
+            speeds.append(length)
         f, f_low, f_rad = residual([(T.G, w.mid), (T.G, w_low.mid)], [], above(np.abs(T.G) @ w_low.rad, T.size))
         off = residual([(P.M, z[:nv]), (-P.J.T, f), (-P.J.T, f_low)], [-P.rhs], above(np.abs(P.J).T @ f_rad, len(f)))
         at_rows = self._at[self._free]
         still = [high[at_rows], low[at_rows], rad[at_rows]]
-        for slip, (speed, rest) in zip(self._slips, speeds, strict=True) if not self._coulomb else ():
+        for slip, (length, more) in zip(self._slips, speeds, strict=True) if not self._coulomb else ():
             for i in np.flatnonzero(self._free == slip.active):
-                mu, (h, l, r) = self._friction(slip.columns), (x[i] for x in still)
-                terms = np.array([h, l, *products(np.array(-mu), np.array(speed))])
-                still[0][i], still[1][i], still[2][i] = sums(terms, r + (rest * mu).size)
-        high, low, rad = (np.concatenate(both) for both in zip(off, still, strict=True))
-        return (high, low, rad), y
+                mu = self._friction(slip.columns)
+                terms = np.array([still[0][i], still[1][i], *products(np.array(-mu), np.array(length))])
+                still[0][i], still[1][i], still[2][i] = sums(terms, above(still[2][i] + (more * mu).size, 1))
+        return (np.r_[off[0], still[0]], np.r_[off[1], still[1]], np.r_[off[2], still[2]]), y
 
     def _jacobian(self, z: Array, v: Array) -> Intervals:
         """F' over the box |z' - z| <= v."""
@@ -346,9 +345,9 @@ class _Enclosing:
                 of = sum(other.rows == e.rows for other in self._T.elements)
                 unit = "N or N m" if "force" in words else "m/s2 or rad/s2"
                 raise NotEnclosed(
-                    f"{name!r}, point {e.number + 1} of {of}, {mode}: {words.format(f'{float(value.mid):.3g} {unit}')}, and more "
-                    f"than {float(value.rad):.1g} is needed to tell it from the limit. On the other side of the limit the mode "
-                    "is another one. Move q, tau or the push a little.",
+                    f"{name!r}, point {e.number + 1} of {of}, {mode}: {words.format(f'{float(value.mid):.3g} {unit}')}, and "
+                    f"more than {float(value.rad):.1g} is needed to tell it from the limit. On the other side of the limit the "
+                    "mode is another one. Move q, tau or the push a little.",
                     constraint=name, row=e.number, value=float(value.mid), needed=float(value.rad),
                 )  # fmt: skip
             least = min(least, (name, e.number, mode, lower), key=lambda room: room[3])
@@ -389,9 +388,9 @@ class _Enclosing:
         if far.max(initial=0.0) > SOLVED:
             i = int(far.argmax())
             raise NotEnclosed(
-                f"coordinate {i} of the answer's acceleration, {given.a[i]:.12g}, is not the exact one, {a.mid[i]:.12g}: M times "
-                f"the difference is {far[i]:.2g} of the terms of its equation; expected at most 1e-9. Solve again, to smaller "
-                "residuals.",
+                f"coordinate {i} of the answer's acceleration, {given.a[i]:.12g}, is not the exact one, {a.mid[i]:.12g}: M "
+                f"times the difference is {far[i]:.2g} of the terms of its equation; expected at most 1e-9. Solve again, to "
+                "smaller residuals.",
                 row=i, value=-float(far[i]), needed=-SOLVED,
             )  # fmt: skip
 
@@ -407,8 +406,8 @@ class _Enclosing:
         name = self._P.rows[e.rows].name
         return NotEnclosed(
             f"{name!r}, part {e.number + 1}, {self._modes.words[e]}: its rows are too near to depending on others, or its slip "
-            f"too near to none, to show that there is one motion with these modes: the test contracts by {sizes[i]:.2g}, and less "
-            "than 1 is needed. Leave out redundant rows, or move q, tau or the push a little.",
+            f"too near to none, to show that there is one motion with these modes: the test contracts by {sizes[i]:.2g}, and "
+            "less than 1 is needed. Leave out redundant rows, or move q, tau or the push a little.",
             constraint=name, row=e.number, value=-float(sizes[i]), needed=-1.0,
         )  # fmt: skip
 
@@ -445,7 +444,8 @@ class _Enclosing:
         slips = {slip.active for slip in self._slips}
         for i, r in enumerate(self._P.rows):
             held = [k for k in self._held if rows[k] == i]
-            if not held or int((rows[self._free] == i).sum()) == len(r):  # as many independent ones as rows: these are zero
+            moves = T.offset[T.slices[i]].any() or slips & set(held)
+            if not held or not moves and int((rows[self._free] == i).sum()) == len(r):  # as many as rows: all rows are zero
                 continue
             off = [float(y[at[k]].size) for k in held if self._coulomb or k not in slips]
             out[r.name] = max(off, default=0.0)
