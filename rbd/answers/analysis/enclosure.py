@@ -82,9 +82,8 @@ class Enclosure(Displayed):
 
     def __str__(self) -> str:
         of_a, of_forces = self.width
-        lines = [
-            f"{self.scope}, and it is here: a within {of_a:.1e} m/s2 (rad/s2), unique forces within {of_forces:.1e} N (N m)"
-        ]
+        lines = [f"{self.scope}, and it is in these intervals"]
+        lines.append(f"  widest: {of_a:.1e} m/s2 (rad/s2) of a, {of_forces:.1e} N (N m) of the forces that are unique")
         for name, words in self.modes.items():
             told = ", ".join(f"{words.count(word)} {word}" if len(words) > 1 else word for word in dict.fromkeys(words))
             lines.append(f"  {name:<16} {told or 'no rows'}{'' if self.unique[name] else '; its forces are not unique'}")
@@ -256,12 +255,12 @@ class _Enclosing:
         w_low, speeds = Intervals(np.zeros(T.size), w.rad), list[tuple[float, Intervals]]()
         for slip in self._slips:
             at, load = slip.columns, float(s[slip.active])
-            length, e, e_low = _unit(high[at], Intervals(low[at], rad[at]))
+            found, e, e_low = _unit(high[at], Intervals(low[at], rad[at]))
             push, push_low = products(np.array(-self._friction(at)), np.array(load))
             rubs, rest = products(push, e)
             others = (e_low * push) + (e_low * push_low) + rest + Intervals.exact(e) * push_low
             w.mid[at], w_low.mid[at], w_low.rad[at] = rubs, others.mid, others.rad
-            speeds.append(length)
+            speeds.append(found)
         f, f_low, f_rad = residual([(T.G, w.mid), (T.G, w_low.mid)], [], above(np.abs(T.G) @ w_low.rad, T.size))
         off = residual([(P.M, z[:nv]), (-P.J.T, f), (-P.J.T, f_low)], [-P.rhs], above(np.abs(P.J).T @ f_rad, len(f)))
         at_rows = self._at[self._free]
