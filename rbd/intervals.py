@@ -54,8 +54,7 @@ class Intervals(Displayed):
         rad: Radii, of the same shape, zero or more; NaN or infinity where nothing is known.
 
     Example:
-        >>> from rbd.intervals import Intervals
-        >>> third = Intervals.of(1.0, 1.0) / 3.0
+        >>> third = rbd.answers.analysis.Intervals.of(1.0, 1.0) / 3.0
         >>> bool(third.lower < third.upper), bool((third * 3.0 - 1.0).contains(0.0))
         (True, True)
     """

@@ -178,9 +178,9 @@ class NotEnclosed(RbdError):
         needed: The value must be above this.
 
     Example:
-        >>> box = rbd.testing.box(mass=10.0)
+        >>> box = rbd.testing.box(mass=8.0)
         >>> corner = rbd.PointContact("corner", "box", friction=0.5)
-        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 98.1))  # as much as its weight
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 78.48))  # as much as its weight
         >>> rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [corner], external=lift).enclosure()
         Traceback (most recent call last):
             ...

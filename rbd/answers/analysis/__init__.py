@@ -12,9 +12,10 @@ from rbd.answers.analysis.infeasibility import Contradiction, contradiction
 from rbd.answers.analysis.parameters import ParameterDerivatives
 from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.answers.analysis.uniqueness import Uniqueness
+from rbd.intervals import Intervals
 from rbd.modules import submodule as _submodule
 
-__all__ = ["Contradiction", "Derivatives", "Enclosure", "ParameterDerivatives", "Uniqueness", "contradiction"]
+__all__ = ["Contradiction", "Derivatives", "Enclosure", "Intervals", "ParameterDerivatives", "Uniqueness", "contradiction"]
 
 
 __getattr__ = _partial(_submodule, __name__)
