@@ -25,7 +25,7 @@ import numpy as np
 
 from rbd.answers.analysis.active_set import inmost, room_of
 from rbd.answers.analysis.contact_modes import modes_of
-from rbd.arrays import RANK, Array, lapack, max_abs
+from rbd.arrays import RANK, Array, lapack
 from rbd.displayed import Displayed
 from rbd.errors import NotEnclosed
 from rbd.intervals import TINY, Intervals, above, bounded_by, positive_definite, product, products, residual, sums
@@ -56,6 +56,7 @@ class Enclosure(Displayed):
         missed: {constraint: bound of its dependent rows' accelerations [m/s2, rad/s2]}: they follow from the others but for the
             rounding of J. Constraints whose rows hold exactly are left out.
         margin: The least room of all inequalities: (constraint, number of its part, mode, room in N, N m, m/s2 or rad/s2).
+        distance: Bounds of how far the answer is from the exact one: of a [m/s2, rad/s2], of unique row forces [N, N m].
 
     Example:
         >>> box = rbd.testing.box(mass=2.0)
@@ -73,6 +74,7 @@ class Enclosure(Displayed):
     scope: str
     missed: Mapping[str, float]
     margin: tuple[str, int, str, float]
+    distance: tuple[float, float]
 
     @property
     def width(self) -> tuple[float, float]:
@@ -84,6 +86,7 @@ class Enclosure(Displayed):
         of_a, of_forces = self.width
         lines = [f"{self.scope}, and it is in these intervals"]
         lines.append(f"  widest: {of_a:.1e} m/s2 (rad/s2) of a, {of_forces:.1e} N (N m) of the forces that are unique")
+        lines.append(f"  the answer is within {self.distance[0]:.1e} m/s2 (rad/s2) and {self.distance[1]:.1e} N (N m) of it")
         for name, words in self.modes.items():
             told = ", ".join(f"{words.count(word)} {word}" if len(words) > 1 else word for word in dict.fromkeys(words))
             lines.append(f"  {name:<16} {told or 'no rows'}{'' if self.unique[name] else '; its forces are not unique'}")
@@ -102,7 +105,7 @@ def enclosure_of(answer: Answer) -> Enclosure:
         answer: Solved.
 
     Raises:
-        NotEnclosed: where the test fails, or the answer is farther than 1e-9, scaled, from what it finds.
+        NotEnclosed: where the test fails, or an answer with residuals above 1e-9 is as far from what it finds.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what overflows fails every test
         return _Enclosing(answer).enclosure()
@@ -213,10 +216,9 @@ class _Enclosing:
         margin = self._check_inequalities(s, y)
         a, w = found[:nv], self._weights(s, y)
         f = product(self._T.G, w)
-        self._check_answer(a, f)
         return Enclosure(
             a, {r.name: self._force(i, f) for i, r in enumerate(self._P.rows)}, self._unique(), self._words(),
-            self._scope(), self._missed(y), margin,
+            self._scope(), self._missed(y), margin, self._distance(a, f),
         )  # fmt: skip
 
     def _weights(self, s: Intervals, y: Intervals) -> Intervals:
@@ -364,34 +366,37 @@ class _Enclosing:
         idle = [j for j in range(at.start, at.stop) if not self._Phi[j].any() and T.lower[j] < T.upper[j]]
         return [y[j] if self._fixed[j] == T.lower[j] else -y[j] for j in idle]
 
-    def _check_answer(self, a: Intervals, f: Intervals) -> None:
-        """Refuse an answer that is not where the intervals are.
+    def _distance(self, a: Intervals, f: Intervals) -> tuple[float, float]:
+        """(of the answer's acceleration, of its unique row forces): bounds of their distance from the exact ones.
 
         Raises:
-            NotEnclosed: naming the coordinate, or the row of a force.
+            NotEnclosed: residuals above 1e-9, and the force of a row, or the inertia force of a coordinate, as far off.
         """
-        given = self._answer
-        scale = given.residuals.scales.row_forces
+        given, scales = self._answer, self._answer.residuals.scales
         same = ~(np.abs(self._T.G @ self._Phi @ self._kernel) > RANK).any(axis=1)  # not unique: others will do
-        off = np.where(same, np.abs(given.multipliers - f.mid) - f.rad, 0.0) / scale
-        if max_abs(np.maximum(off, 0.0)) > SOLVED:
-            i = int(off.argmax())
-            rows = next(r for r in self._P.rows if i < self._P.slices[r.name].stop)
-            row = i - self._P.slices[rows.name].start
-            raise NotEnclosed(
-                f"{rows.name!r}, row {row + 1}: the force of the answer is {off[i] * scale[i]:.2g} N (N m) from the exact one, "
-                f"{f.mid[i]:.12g}; expected at most {SOLVED * scale[i]:.1g}. Solve again, to smaller residuals.",
-                constraint=rows.name, row=row, value=-float(off[i] * scale[i]), needed=-SOLVED * float(scale[i]),
-            )  # fmt: skip
-        far = np.abs(self._P.M @ (given.a - a.mid)) / given.residuals.scales.equations
-        if far.max(initial=0.0) > SOLVED:
-            i = int(far.argmax())
-            raise NotEnclosed(
-                f"coordinate {i} of the answer's acceleration, {given.a[i]:.12g}, is not the exact one, {a.mid[i]:.12g}: M "
-                f"times the difference is {far[i]:.2g} of the terms of its equation; expected at most 1e-9. Solve again, to "
-                "smaller residuals.",
-                row=i, value=-float(far[i]), needed=-SOLVED,
-            )  # fmt: skip
+        off = np.where(same, (f - given.multipliers).size, 0.0)
+        if not given.residuals.within(SOLVED):
+            far = np.where(same, off - 2.0 * f.rad, 0.0) / scales.row_forces
+            if far.max(initial=0.0) > SOLVED:
+                i = int(far.argmax())
+                rows = next(r for r in self._P.rows if i < self._P.slices[r.name].stop)
+                row = i - self._P.slices[rows.name].start
+                raise NotEnclosed(
+                    f"{rows.name!r}, row {row + 1}: the force of the answer is {off[i]:.2g} N (N m) from the exact one, "
+                    f"{f.mid[i]:.12g}; expected at most {SOLVED * scales.row_forces[i]:.1g}. Solve again, to smaller "
+                    "residuals.",
+                    constraint=rows.name, row=row, value=-float(far[i]), needed=-SOLVED,
+                )  # fmt: skip
+            moved = np.abs(self._P.M @ (given.a - a.mid)) / scales.equations
+            if moved.max(initial=0.0) > SOLVED:
+                i = int(moved.argmax())
+                raise NotEnclosed(
+                    f"coordinate {i} of the answer's acceleration, {given.a[i]:.12g}, is not the exact one, {a.mid[i]:.12g}: M "
+                    f"times the difference is {moved[i]:.2g} of the terms of its equation; expected at most 1e-9. Solve again, "
+                    "to smaller residuals.",
+                    row=i, value=-float(moved[i]), needed=-SOLVED,
+                )  # fmt: skip
+        return float((a - given.a).size.max(initial=0.0)), float(off.max(initial=0.0))
 
     def _not_regular(self, E: Array, step: Intervals) -> NotEnclosed:
         """The error where the system could not be shown to have one zero."""
