@@ -13,7 +13,8 @@ law is checked over these intervals, strictly. All of it is done with `rbd.inter
 
 Of linearly dependent columns an independent subset is enclosed, and the others' weights stay those of the answer, or, where
 these are on the edge of their sets, those farthest inside: any admissible forces with this motion will do. Rounded dependent
-rows contradict each other in exact arithmetic; how far those that are left out are from zero is bounded, `Enclosure.missed`.
+rows contradict each other in exact arithmetic. `Enclosure.missed` bounds how far those that are left out are from zero: the
+answer is exact for offsets that differ by no more.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ class Enclosure(Displayed):
         scope: What was shown: `ONLY`, of all motions (the law is a convex one and M was shown to be positive definite);
             `OF_MODES`; `NEARBY`, where a point starts to slip; `SHARED`, where points share loads that are not unique.
         missed: {constraint: bound of its dependent rows' accelerations [m/s2, rad/s2]}: they follow from the others but for the
-            rounding of J. Constraints whose rows hold exactly are left out.
+            rounding of J. What is enclosed is the exact answer of the problem whose offsets of these rows are changed by that
+            much at most. Constraints whose rows hold exactly are left out.
         margin: The least room of all inequalities: (constraint, number of its part, mode, room in N, N m, m/s2 or rad/s2).
         distance: Bounds of how far the answer is from the exact one: of a [m/s2, rad/s2], of unique row forces [N, N m].
 
@@ -182,32 +184,30 @@ class _Enclosing:
             QR, order, _, _, _ = lapack.dgeqp3(Y / np.where(length > 0.0, length, 1.0))
             fewer = int((np.abs(QR.diagonal()) > RANK).sum())
             if fewer < rank:
-                self._free, self._held, self._weakest = (
-                    np.sort(order[:fewer] - 1),
-                    np.sort(order[fewer:] - 1),
-                    order[fewer - 1] - 1,
-                )
+                self._free, self._held = np.sort(order[:fewer] - 1), np.sort(order[fewer:] - 1)
+                self._weakest = int(order[fewer - 1] - 1) if fewer else -1
 
     def enclosure(self) -> Enclosure:
         """All of it."""
         nv, z = self._P.nv, np.concatenate([self._answer.a, self._start[self._free]])
-        R = self._inverse(z)
+        K = self._jacobian(z, np.zeros(len(z)))  # of modes without slips, everywhere
+        R, v = self._inverse(K), None
         for _ in range(2 if self._slips else 1):
             z = z - R @ self._residual(z)[0][0]
         (high, low, rad), y = self._residual(z)
         step = product(R, Intervals(-high, above(np.abs(low) + rad, 2)))
-        E, v = self._contraction(R, z, np.zeros(len(z))), None
+        E = self._contraction(R, K)
         for _ in range(6):
             v = bounded_by(E, step.size)
             if v is None or not self._slips:
                 break
-            wide = self._contraction(R, z, v)
+            wide = self._contraction(R, self._jacobian(z, v))
             if (above(step.size + wide @ v, len(z) + 1) < v).all():
                 E = wide
                 break
             E, v = wide, None
         if v is None:
-            raise self._not_regular(E, step)
+            raise self._not_regular(E)
         moved = Intervals(step.mid, above(step.rad + E @ v, len(z) + 2))
         found = Intervals.exact(z) + moved
         s = Intervals(self._start.copy(), np.zeros(len(self._start)))
@@ -306,19 +306,21 @@ class _Enclosing:
         K.mid[nv:, :nv], K.rad[nv:, :nv] = below.mid, below.rad
         return K
 
-    def _inverse(self, z: Array) -> Array:
+    def _inverse(self, K: Intervals) -> Array:
+        """About the inverse of the midpoints."""
         try:
-            R = np.linalg.inv(self._jacobian(z, np.zeros(len(z))).mid)
+            R = np.linalg.inv(K.mid)
         except np.linalg.LinAlgError:
-            R = np.full((len(z), len(z)), np.nan)
+            R = np.full(K.shape, np.nan)
         if not np.isfinite(R).all():
-            raise self._not_regular(np.full((len(z), len(z)), np.inf), Intervals.exact(z))
+            raise self._not_regular(np.full(K.shape, np.inf))
         return R
 
-    def _contraction(self, R: Array, z: Array, v: Array) -> Array:
-        """Bounds of |I - R F'|, shape (n, n)."""
-        E = product(R, self._jacobian(z, v))
-        return above(np.abs(np.eye(len(z)) - E.mid) + E.rad, 3)
+    @staticmethod
+    def _contraction(R: Array, K: Intervals) -> Array:
+        """Bounds of |I - R K|, shape (n, n)."""
+        E = product(R, K)
+        return above(np.abs(np.eye(len(R)) - E.mid) + E.rad, 3)
 
     def _check_inequalities(self, s: Intervals, y: Intervals) -> tuple[str, int, str, float]:
         """Refuse unless every inequality of the law is strict; the least room.
@@ -398,7 +400,7 @@ class _Enclosing:
                 )  # fmt: skip
         return float((a - given.a).size.max(initial=0.0)), float(off.max(initial=0.0))
 
-    def _not_regular(self, E: Array, step: Intervals) -> NotEnclosed:
+    def _not_regular(self, E: Array) -> NotEnclosed:
         """The error where the system could not be shown to have one zero."""
         T, nv = self._T, self._P.nv
         sizes = E.sum(axis=1)
