@@ -77,6 +77,7 @@ def contact_answers() -> Iterator[object]:
     assert all(map(str, regions))
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
     yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
+    yield rbd.solve(state, held.tau, soles).enclosure()
     many = rbd.solve_many(talos, np.tile(state.q, (3, 1)), None, held.tau, soles, friction=[0.5, 0.6, -1.0])
     assert str(many)
     yield many

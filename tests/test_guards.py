@@ -1774,6 +1774,8 @@ MADE_BY_RBD = {
     "Robot",
     "ModelReport",
     "ModelIssue",
+    "Enclosure",
+    "Intervals",
     "Uniqueness",
     "Mobility",
     "Singularities",

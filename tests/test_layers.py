@@ -21,12 +21,13 @@ ORDER = """
 displayed
 errors
 arrays installation modules
-kernels records
+intervals kernels records
 model problem
 constraints solvers workers
 robots
 answers
 centroid statics
+robust
 mechanism
 control
 simulation

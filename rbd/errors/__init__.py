@@ -13,6 +13,7 @@
       NotAtRest                         statics of a moving robot
       Unsupported                       this solver cannot take this problem; the message gives the reason
       NotDifferentiable                 an answer at a change of contact mode has no derivatives
+      NotEnclosed                       no intervals surely contain the exact answer; names the row that is too near a limit
       SingularInertia                   M(q) is not positive definite
       NoSolution                        no answer within tolerance; carries problem and result
         CannotMove                      no motor torques and contact forces move the robot as wanted; names the limits
@@ -58,6 +59,7 @@ from rbd.errors.inputs import (
     ModelError,
     NotAtRest,
     NotDifferentiable,
+    NotEnclosed,
     PictureError,
     SingularInertia,
     UnknownName,
@@ -124,6 +126,7 @@ __all__ = [
     "NonUniqueMotionWarning",
     "NotAtRest",
     "NotDifferentiable",
+    "NotEnclosed",
     "NotSteadyWarning",
     "OpeningContactWarning",
     "PictureError",

@@ -1,0 +1,7 @@
+"""Statements about all members of a set, each with a certificate that is checked in exact arithmetic."""
+
+from functools import partial as _partial
+
+from rbd.modules import submodule as _submodule
+
+__getattr__ = _partial(_submodule, __name__)
