@@ -1,0 +1,11 @@
+"""Statements about all members of a set, each with a certificate that is checked in exact arithmetic."""
+
+from functools import partial as _partial
+
+from rbd.modules import submodule as _submodule
+from rbd.robust.holding import Counterexample, RobustHold, hold
+from rbd.robust.uncertain_loads import Member, PushSet
+
+__all__ = ["Counterexample", "Member", "PushSet", "RobustHold", "hold"]
+
+__getattr__ = _partial(_submodule, __name__)

@@ -1,0 +1,202 @@
+"""Check a certificate file of `rbd.robust` in exact arithmetic; it imports the standard library alone, and runs on its own.
+
+    python verifier.py file.json            exit code 0: the claim is proved; 1: it is not; 2: no certificate file
+
+The data: rows with a motor and `idle` ones; generalised forces P of unit contact forces, each number within `forces_radius` of
+its row; loads at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load as a whole is
+within `load_radius`. A member of the set is a load L = sum of shares times `loads` + sum of t times D. It is held by
+
+    P f + S^T tau = L,    |f_t| + margin <= friction f_n,    lower + margin <= f <= upper - margin,    the same of torques.
+
+A claim "held": each member is. Its proof has forces f_v at the corners v, and F for each t; what they miss in the idle rows a
+right inverse X repairs: P X = 1 + E, |E| <= q < 1, so that X z with |z| <= missed / (1 - q) is added. Checked is
+
+    |f_vt| + sum |F_t| + shift + margin <= friction (f_vn - sum |F_n| - shift)      and the same of bounds and torques,
+
+sums over all t. A set may be split: each part has its own proof. Torques: "each" member has its own; "one" for all, or "affine"
+in the push, leave less than `balance` in each row with a motor.
+
+A claim "refuted": some members cannot be held, together where they share torques. Its proof has a virtual velocity y of each:
+the sum of y . L is larger than the sum of y . (P f + S^T tau) can be, whatever f and tau with numbers up to `reach`.
+"""
+
+import hashlib
+import json
+import math
+import sys
+from collections.abc import Sequence
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+KIND = "rbd.robust certificate 1"
+ZERO, ONE = Fraction(0), Fraction(1)
+
+
+def digest(document: dict[str, Any]) -> str:
+    """SHA-256 of all but the digest itself, as JSON with sorted keys and no spaces."""
+    text = json.dumps({**document, "sha256": ""}, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def exact(value: Any) -> Any:
+    """The same with fractions in place of texts."""
+    if isinstance(value, float):
+        raise ValueError(f"{value} is no fraction")
+    return [exact(x) for x in value] if isinstance(value, list) else Fraction(value) if isinstance(value, str) else value
+
+
+def length(x: Fraction, y: Fraction) -> Fraction:
+    """At least the length of a vector, and no more than 2^-79 above it."""
+    square = (x * x + y * y) * 2**160
+    return Fraction(math.isqrt(-(-square.numerator // square.denominator)) + 1, 2**80) if square else ZERO
+
+
+def dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
+    """Sum of products."""
+    return sum((a * b for a, b in zip(x, y, strict=True) if a and b), ZERO)
+
+
+def size(x: Sequence[Fraction]) -> Fraction:
+    """Sum of absolute values."""
+    return sum(map(abs, x), ZERO)
+
+
+def data_of(given: dict[str, Any]) -> Any:
+    """The data of a file in fractions; sizes that do not agree are refused."""
+    D = SimpleNamespace(**{name: exact(value) for name, value in given.items()})
+    rows, p, nu = len(D.forces), len(D.lower), len(D.motors)
+    in_cones = [j for cone in D.cones for j in cone]
+    right = {len(x) for x in (*D.loads, *D.parameters, D.forces_radius, D.load_radius)} == {rows} and len(D.loads) > 0
+    right &= {len(x) for x in D.forces} == {p} == {len(D.upper)} and {len(D.torque_low), len(D.torque_high)} == {nu}
+    right &= sorted(D.idle + D.motors) == list(range(rows)) and len(D.pushes) == len(D.loads)
+    right &= len(set(in_cones)) == 3 * len(D.cones) == 3 * len(D.friction) and set(in_cones) <= set(range(p))
+    if not (right and all(mu > 0 for mu in D.friction) and min(D.forces_radius + D.load_radius) >= 0):
+        raise ValueError("sizes or signs of the data do not agree")
+    D.bounded = [j for j in range(p) if j not in in_cones]
+    return D
+
+
+def load_at(data: Any, vertex: int, t: Sequence[Fraction]) -> list[Fraction]:
+    """Load of a corner of the pushes with these numbers t."""
+    return [L + dot(t, [D[k] for D in data.parameters]) for k, L in enumerate(data.loads[vertex])]
+
+
+def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torques: str) -> tuple[Fraction, Fraction]:
+    """(least slack, largest imbalance) of a proof over a box of numbers t."""
+    P, radius, forces, X = data.forces, data.forces_radius, exact(proof["forces"]), exact(proof["inverse"])
+    corrections, middle = exact(proof["corrections"]), [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+    wide = [[(b - a) / 2 * d for d in D] for a, b, D in zip(low, high, data.parameters, strict=True)]
+    if len(corrections) != len(data.parameters) or len(forces) != len(data.loads) or len(X) != len(data.lower):
+        raise ValueError("sizes of the proof do not agree")
+    spread = [sum((abs(F[j]) for F in corrections), ZERO) for j in range(len(X))]
+    q = ZERO
+    for at, k in enumerate(data.idle):
+        off = [dot(P[k], [x[i] for x in X]) - (at == i) for i in range(len(data.idle))]
+        q = max(q, size(off) + radius[k] * sum(map(size, X), ZERO))
+    if q >= 1:
+        return -ONE, ZERO
+    changes = [[dot(P[k], F) - D[k] for k in range(len(P))] for F, D in zip(corrections, wide, strict=True)]
+    varied = [sum((abs(change[k]) for change in changes), ZERO) for k in range(len(P))]
+    aside = [sum((length(F[a], F[b]) for F in corrections), ZERO) for a, b, _ in data.cones]
+    slack, imbalance = list[Fraction](), [ZERO]
+    for v, f in enumerate(forces):
+        load = load_at(data, v, middle)
+        blur = [data.load_radius[k] + radius[k] * (size(f) + size(spread)) for k in range(len(P))]
+        left = [dot(P[k], f) - load[k] for k in range(len(P))]
+        z = max((abs(left[k]) + varied[k] + blur[k] for k in data.idle), default=ZERO) / (1 - q)
+        shift = [z * size(x) for x in X]
+        for (a, b, n), mu, more in zip(data.cones, data.friction, aside, strict=True):
+            slack.append(mu * (f[n] - spread[n] - shift[n]) - length(f[a], f[b]) - more - shift[a] - shift[b])
+        for j in data.bounded:
+            slack += [] if data.lower[j] is None else [f[j] - spread[j] - shift[j] - data.lower[j]]
+            slack += [] if data.upper[j] is None else [data.upper[j] - f[j] - spread[j] - shift[j]]
+        for i, (k, least, most) in enumerate(zip(data.motors, data.torque_low, data.torque_high, strict=True)):
+            tau, more = -left[k], varied[k] + blur[k] + dot([abs(x) + radius[k] for x in P[k]], shift)
+            if torques != "each":
+                law = exact(proof["torque"])[i] + (dot(exact(proof["gain"])[i], data.pushes[v]) if torques == "affine" else 0)
+                imbalance.append(abs(tau - law) + more)
+                tau, more = law, ZERO
+            slack += [] if least is None else [tau - more - least]
+            slack += [] if most is None else [most - tau - more]
+    return min(slack), max(imbalance)
+
+
+def held(data: Any, proof: Any, torques: str, low: Any = None, high: Any = None) -> tuple[Fraction, Fraction]:
+    """(least slack, imbalance) over all parts of the set: of parts the imbalance is zero, as each member has its torques."""
+    low, high = low or [-ONE] * len(data.parameters), high or [ONE] * len(data.parameters)
+    if "split" not in proof:
+        return leaf(data, proof, low, high, torques)
+    i, at = proof["split"], Fraction(proof["at"])
+    if torques != "each" or not (0 <= i < len(low) and low[i] <= at <= high[i]):
+        raise ValueError("a part is split outside of it")
+    below = held(data, proof["below"], torques, low, [*high[:i], at, *high[i + 1 :]])
+    return min(below, held(data, proof["above"], torques, [*low[:i], at, *low[i + 1 :]], high))
+
+
+def largest(slope: Fraction, blur: Fraction, low: Fraction | None, high: Fraction | None, reach: Fraction) -> Fraction:
+    """The largest slope * x + blur * |x| over an interval; ends that are missing are at `reach`."""
+    ends = [-reach if low is None else low, reach if high is None else high]
+    return max(slope * x + blur * abs(x) for x in ends)
+
+
+def gap(data: Any, proof: Any, torques: str, margin: Fraction) -> Fraction:
+    """By how much y . L exceeds what forces and torques can be: positive of members that cannot be held."""
+    members, Y, shares = proof["members"], exact(proof["velocities"]), proof["shares"]
+    reach, total, at_bases = Fraction(proof["reach"]), ZERO, dict[int, list[Fraction]]()
+    for k, (member, y) in enumerate(zip(members, Y, strict=True)):
+        t, own = exact(member["parameters"]), {int(b): Fraction(s) for b, s in shares[k].items()}
+        pushes = [[s * x for x in data.pushes[members[b]["vertex"]]] for b, s in own.items()]
+        follows = torques == "one" or own == {k: 1} or torques == "affine"
+        follows &= torques == "one" or list(map(sum, zip(*pushes, strict=True))) == data.pushes[member["vertex"]]
+        if any(abs(x) > 1 for x in t) or sum(own.values()) != 1 or not follows or reach <= 0:
+            raise ValueError("a member is none of the set, or its torques are none of the law")
+        blur = dot(data.forces_radius, [abs(x) for x in y])
+        total += dot(y, load_at(data, member["vertex"], t)) - dot(data.load_radius, [abs(x) for x in y])
+        r = [dot(y, [row[j] for row in data.forces]) for j in range(len(data.lower))]
+        for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
+            total -= max(ZERO, r[n] + blur + mu * (length(r[a], r[b]) + 2 * blur)) * reach + (r[n] + blur) * margin / mu
+        for j in data.bounded:
+            low, top = data.lower[j], data.upper[j]
+            total -= largest(r[j], blur, None if low is None else low + margin, None if top is None else top - margin, reach)
+        for b, s in own.items():
+            sums = at_bases.setdefault(b, [ZERO] * len(data.motors))
+            at_bases[b] = [x + s * y[row] for x, row in zip(sums, data.motors, strict=True)]
+    for sums in at_bases.values():
+        for x, least, top in zip(sums, data.torque_low, data.torque_high, strict=True):
+            total -= largest(x, ZERO, None if least is None else least + margin, None if top is None else top - margin, reach)
+    return total
+
+
+def verify(document: Any) -> tuple[bool, str]:
+    """(whether the claim is proved, what was checked in words); errors of Python where it is no certificate."""
+    if document["kind"] != KIND:
+        raise ValueError(f"kind is {document['kind']!r}, expected {KIND!r}")
+    if digest(document) != document["sha256"]:
+        return False, "the file was changed after it was written: its SHA-256 is another"
+    claim, data = document["claim"], data_of(document["data"])
+    margin, balance, torques = Fraction(claim["margin"]), Fraction(claim["balance"]), claim["torques"]
+    if torques not in ("each", "one", "affine") or claim["says"] not in ("held", "refuted") or margin < 0:
+        raise ValueError("the claim is none that is known")
+    if claim["says"] == "refuted":
+        more = gap(data, document["proof"], torques, margin)
+        return more > 0, f"refuted: the virtual work exceeds what forces and torques can do by {float(more):.3g}"
+    slack, left = held(data, document["proof"], torques)
+    words = f"slack {float(slack):.9g} of the margin {float(margin):.9g} N, N m; imbalance {float(left):.3g}"
+    return slack >= margin and left <= balance, f"held: {words} of {float(balance):.3g} allowed"
+
+
+def main(arguments: list[str]) -> int:
+    """Check a file and say what was found."""
+    try:
+        with open(arguments[0], encoding="utf-8") as file:
+            proved, words = verify(json.load(file))
+    except (OSError, IndexError, KeyError, TypeError, ValueError, AttributeError, ZeroDivisionError) as error:
+        print(f"no certificate: {error!r}", file=sys.stderr)
+        return 2
+    print(f"{'PROVED' if proved else 'NOT PROVED'}: {words}")
+    return int(not proved)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
