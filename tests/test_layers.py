@@ -27,6 +27,7 @@ constraints solvers workers
 robots
 answers
 centroid statics
+robust
 mechanism
 control
 simulation

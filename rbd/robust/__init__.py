@@ -4,7 +4,7 @@ from functools import partial as _partial
 
 from rbd.modules import submodule as _submodule
 from rbd.robust.holding import Counterexample, RobustHold, hold
-from rbd.robust.uncertain_loads import Member, PushSet
+from rbd.robust.sets import Member, PushSet
 
 __all__ = ["Counterexample", "Member", "PushSet", "RobustHold", "hold"]
 

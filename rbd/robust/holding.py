@@ -14,14 +14,15 @@ import numpy as np
 from rbd.arrays import Array, check_number, check_whole
 from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSolution
+from rbd.errors import NoSolution
 from rbd.errors.inputs import check_choice
 from rbd.model.output_files import write_text
 from rbd.model.state import State
 from rbd.records import Field, counted, joined, vector
 from rbd.robust import verifier
 from rbd.robust.proofs import Prover, claimed, document_of, text
-from rbd.robust.uncertain_loads import Boxes, Masses, Member, UncertainLoads
+from rbd.robust.sets import Boxes, Masses, Member
+from rbd.robust.uncertain_loads import UncertainLoads
 
 TORQUES = ("each", "one", "affine")
 _ALLOWED = 1e-6
@@ -147,9 +148,10 @@ class Counterexample(_Certified, Displayed):
         if len(self.members) == 1:
             return f"cannot be held{kept}: {self.members[0]}."
         what = "one torque" if self.torques == "one" else "torques that are affine in the push"
+        some = "; ".join(map(str, self.members[:2])) + ("; ..." if len(self.members) > 2 else "")
         return (
-            f"no {what} hold{'s' if self.torques == 'one' else ''} these {len(self.members)} members{kept}: "
-            f"{'; '.join(map(str, self.members[:2]))}{'; ...' if len(self.members) > 2 else ''}. torques='each' asks for torques of each member, as motors that hold positions give."
+            f"no {what} hold{'s' if self.torques == 'one' else ''} these {len(self.members)} members{kept}: {some}. "
+            "torques='each' asks for torques of each member, as motors that hold positions give."
         )
 
 
@@ -198,8 +200,8 @@ def hold(
             fixed to it.
         com: {link: half-width, or three of them, of a box [m]} about the file's place, in the axes of the link's frame.
         torques: "each": each member has its own torques, as of motors that hold positions. "one": the same for all, sent
-            without knowing the member; "affine": an affine function of the push, which is measured. Where a robot has joints, one
-            torque cannot balance two loads unless contact forces alone can take their difference.
+            without knowing the member; "affine": an affine function of the push, which is measured. Where a robot has joints,
+            one torque cannot balance two loads unless contact forces alone can take their difference.
         margin: Every member is to keep so far from each limit [N, and N m of torques]; what is proved may be more.
         loops: Whether the robot's own loops hold.
         most_parts: Into how many parts the set may be split.
@@ -239,7 +241,12 @@ def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int)
     prover, n = Prover(loads, torques), len(loads.columns)
     search = _Search(prover, margin, most_parts if torques == "each" else 1)
     proof = search.over(-np.ones(n), np.ones(n))
-    about = {"robot": loads.state.robot.name, "set": set_words(loads), "q": loads.state.q.tolist(), "numbers": list(loads.names)}
+    about = {
+        "robot": loads.state.robot.name,
+        "set": set_words(loads),
+        "q": loads.state.q.tolist(),
+        "numbers": list(loads.names),
+    }
     about["corners of pushes"] = [f"{s.frame} {vector(np.asarray(s.offset))}" for s in loads.pushes]
     about |= {"contacts": [r.name for r in loads.balance.rows], "links": [list(link) for link in loads.links]}
     if search.against is not None:
@@ -261,7 +268,8 @@ def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int)
     claim = {"says": "held", "torques": torques, "margin": text(shown), "balance": text(balance)}
     nu = loads.state.robot.nu
     torque = np.array([float(Fraction(x)) for x in proof.get("torque", [])])
-    gain = np.array([[float(Fraction(x)) for x in row] for row in proof.get("gain", [[]] * nu)]).reshape(nu, loads.components.shape[1] if torques == "affine" else 0)
+    gain = np.array([[float(Fraction(x)) for x in row] for row in proof.get("gain", [])])
+    gain = gain.reshape(nu, loads.components.shape[1] if torques == "affine" else 0)
     return RobustHold(
         loads, torques, float(shown), float(balance), torque, gain, search.parts, document_of(loads, about, claim, proof)
     )  # fmt: skip
@@ -303,11 +311,13 @@ class _Search:
 
     def _shown(self, proof: Mapping[str, Any], low: Array, high: Array) -> tuple[Fraction, Fraction]:
         ends = [[Fraction(float(x)) for x in end] for end in (low, high)]
-        return verifier.leaf(self.prover.exact_data, proof, *ends, self.prover.torques)
+        return verifier.leaf(self.prover.exact_data, proof, ends[0], ends[1], self.prover.torques)
 
     def _undecided(self, low: Array, high: Array, value: float) -> str:
         L = self.prover.loads
-        part = [f"{name} within {low[i]:g} to {high[i]:g} half-widths" for i, name in enumerate(L.names) if high[i] - low[i] < 2.0]
+        part = [
+            f"{name} within {low[i]:g} to {high[i]:g} half-widths" for i, name in enumerate(L.names) if high[i] - low[i] < 2.0
+        ]
         where = f"the part with {joined(part, 4)}" if part else "the set as a whole"
         best = "no forces were found" if not np.isfinite(value) else f"the largest margin found is {value:.3g} N"
         more = "a larger most_parts, a smaller set, or a smaller margin" if self.prover.torques == "each" else "torques='each'"

@@ -1,4 +1,4 @@
-"""The conic program of a set of loads: forces at its corners and corrections for its columns, with the largest margin or extent.
+"""The conic program of a set of loads: forces at its corners, corrections for its columns, of the largest margin or extent.
 
     maximise margin, or s          at each corner v:     P f_v + S^T tau_v = L_v + s L'_v
                                    for each column i:    P F_i + S^T tau_i = D_i + s D'_i
@@ -90,7 +90,7 @@ def largest(
     balance, sets = loads.balance, loads.balance.sets
     robot, U, P = balance.state.robot, balance.unit, balance.per_weight
     nv, p = P.shape
-    (k, n), nu, idle, motors = (len(corners), len(columns)), len(robot.actuated), robot.unactuated, robot.actuated
+    (k, n), nu, motors = (len(corners), len(columns)), len(robot.actuated), robot.actuated
     S = np.zeros((nv, nu))
     S[motors, np.arange(nu)] = 1.0
     low, high = (np.asarray(x) / U for x in loads.limits)
@@ -145,7 +145,9 @@ def largest(
             more = np.ones((1, len(change)))
             for sign, end in ((-1.0, -low[j]), (1.0, high[j])):
                 if np.isfinite(end):
-                    above.add([*[(sign * m, at) for m, at in law], (more, torque_sizes[:, j]), (keep, s)], np.array([end - fixed]))
+                    above.add(
+                        [*[(sign * m, at) for m, at in law], (more, torque_sizes[:, j]), (keep, s)], np.array([end - fixed])
+                    )
     above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, 1e9)]))
     above.add([(-one, s)], np.array([_ENOUGH * 1e6 if margin is None else 0.0]))
 

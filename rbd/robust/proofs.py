@@ -44,7 +44,9 @@ def whole(values: Array) -> list[int]:
     return [int(x) for x in values]
 
 
-def document_of(loads: UncertainLoads, about: Mapping[str, Any], claim: Mapping[str, Any], proof: Mapping[str, Any]) -> dict[str, Any]:
+def document_of(
+    loads: UncertainLoads, about: Mapping[str, Any], claim: Mapping[str, Any], proof: Mapping[str, Any]
+) -> dict[str, Any]:
     """The certificate as a file has it."""
     balance, robot = loads.balance, loads.state.robot
     low, high = loads.limits

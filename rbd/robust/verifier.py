@@ -31,6 +31,7 @@ from typing import Any
 
 KIND = "rbd.robust certificate 1"
 ZERO, ONE = Fraction(0), Fraction(1)
+NO_CERTIFICATE = (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 
 
 def digest(document: dict[str, Any]) -> str:
@@ -73,8 +74,7 @@ def data_of(given: dict[str, Any]) -> Any:
     right &= len(set(in_cones)) == 3 * len(D.cones) == 3 * len(D.friction) and set(in_cones) <= set(range(p))
     if not (right and all(mu > 0 for mu in D.friction) and min(D.forces_radius + D.load_radius) >= 0):
         raise ValueError("sizes or signs of the data do not agree")
-    D.bounded = [j for j in range(p) if j not in in_cones]
-    return D
+    return SimpleNamespace(**vars(D), bounded=[j for j in range(p) if j not in in_cones])
 
 
 def load_at(data: Any, vertex: int, t: Sequence[Fraction]) -> list[Fraction]:
@@ -95,15 +95,14 @@ def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torqu
         off = [dot(P[k], [x[i] for x in X]) - (at == i) for i in range(len(data.idle))]
         q = max(q, size(off) + radius[k] * sum(map(size, X), ZERO))
     if q >= 1:
-        return -ONE, ZERO
+        return -ONE, ZERO  # X repairs nothing
     changes = [[dot(P[k], F) - D[k] for k in range(len(P))] for F, D in zip(corrections, wide, strict=True)]
     varied = [sum((abs(change[k]) for change in changes), ZERO) for k in range(len(P))]
     aside = [sum((length(F[a], F[b]) for F in corrections), ZERO) for a, b, _ in data.cones]
     slack, imbalance = list[Fraction](), [ZERO]
     for v, f in enumerate(forces):
-        load = load_at(data, v, middle)
         blur = [data.load_radius[k] + radius[k] * (size(f) + size(spread)) for k in range(len(P))]
-        left = [dot(P[k], f) - load[k] for k in range(len(P))]
+        left = [dot(row, f) - L for row, L in zip(P, load_at(data, v, middle), strict=True)]
         z = max((abs(left[k]) + varied[k] + blur[k] for k in data.idle), default=ZERO) / (1 - q)
         shift = [z * size(x) for x in X]
         for (a, b, n), mu, more in zip(data.cones, data.friction, aside, strict=True):
@@ -124,7 +123,7 @@ def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torqu
 
 def held(data: Any, proof: Any, torques: str, low: Any = None, high: Any = None) -> tuple[Fraction, Fraction]:
     """(least slack, imbalance) over all parts of the set: of parts the imbalance is zero, as each member has its torques."""
-    low, high = low or [-ONE] * len(data.parameters), high or [ONE] * len(data.parameters)
+    low, high = (low, high) if low else ([-ONE] * len(data.parameters), [ONE] * len(data.parameters))
     if "split" not in proof:
         return leaf(data, proof, low, high, torques)
     i, at = proof["split"], Fraction(proof["at"])
@@ -170,14 +169,13 @@ def gap(data: Any, proof: Any, torques: str, margin: Fraction) -> Fraction:
 
 def verify(document: Any) -> tuple[bool, str]:
     """(whether the claim is proved, what was checked in words); errors of Python where it is no certificate."""
-    if document["kind"] != KIND:
-        raise ValueError(f"kind is {document['kind']!r}, expected {KIND!r}")
     if digest(document) != document["sha256"]:
         return False, "the file was changed after it was written: its SHA-256 is another"
     claim, data = document["claim"], data_of(document["data"])
     margin, balance, torques = Fraction(claim["margin"]), Fraction(claim["balance"]), claim["torques"]
-    if torques not in ("each", "one", "affine") or claim["says"] not in ("held", "refuted") or margin < 0:
-        raise ValueError("the claim is none that is known")
+    known = document["kind"] == KIND and torques in ("each", "one", "affine") and claim["says"] in ("held", "refuted")
+    if not known or margin < 0:
+        raise ValueError(f"the kind is not {KIND!r}, or the claim is none that is known")
     if claim["says"] == "refuted":
         more = gap(data, document["proof"], torques, margin)
         return more > 0, f"refuted: the virtual work exceeds what forces and torques can do by {float(more):.3g}"
@@ -191,10 +189,10 @@ def main(arguments: list[str]) -> int:
     try:
         with open(arguments[0], encoding="utf-8") as file:
             proved, words = verify(json.load(file))
-    except (OSError, IndexError, KeyError, TypeError, ValueError, AttributeError, ZeroDivisionError) as error:
+    except NO_CERTIFICATE as error:
         print(f"no certificate: {error!r}", file=sys.stderr)
         return 2
-    print(f"{'PROVED' if proved else 'NOT PROVED'}: {words}")
+    print(f"{'proved' if proved else 'NOT PROVED'}: {words}")
     return int(not proved)
 
 
