@@ -86,6 +86,14 @@ class RobustHold(_Certified, Displayed):
     document: Mapping[str, Any]
     proved: ClassVar[bool] = True
 
+    @property
+    def forces(self) -> Array:
+        """Weights of the proof at the corners of the pushes and the middle of all else, shape (k, p) [N]; of its first part."""
+        part = self.document["proof"]
+        while "split" in part:
+            part = part["below"]
+        return np.array([[float(Fraction(x)) for x in row] for row in part["forces"]])
+
     fields: ClassVar[tuple[Field, ...]] = (
         Field("proved", (), "", "whether every member can be held: it can"),
         Field("margin", (), "N, N m", "distance of every member from each limit", certificate=True),
@@ -241,38 +249,46 @@ def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int)
     prover, n = Prover(loads, torques), len(loads.columns)
     search = _Search(prover, margin, most_parts if torques == "each" else 1)
     proof = search.over(-np.ones(n), np.ones(n))
-    about = {
-        "robot": loads.state.robot.name,
-        "set": set_words(loads),
-        "q": loads.state.q.tolist(),
-        "numbers": list(loads.names),
-    }
-    about["corners of pushes"] = [f"{s.frame} {vector(np.asarray(s.offset))}" for s in loads.pushes]
-    about |= {"contacts": [r.name for r in loads.balance.rows], "links": [list(link) for link in loads.links]}
     if search.against is not None:
-        claim = {"says": "refuted", "torques": torques, "margin": text(Fraction(margin)), "balance": "0"}
-        against = search.against
-        gap = verifier.gap(prover.exact_data, against, torques, Fraction(margin))
-        members = tuple(
-            loads.member(m["vertex"], np.array([float(Fraction(x)) for x in m["parameters"]])) for m in against["members"]
-        )
-        velocities = np.array([[float(Fraction(x)) for x in y] for y in against["velocities"]])
-        return Counterexample(
-            loads, torques, margin, members, velocities, float(Fraction(against["reach"])), float(gap),
-            document_of(loads, about, claim, against),
-        )  # fmt: skip
+        return counterexample(prover, search.against, margin)
     assert proof is not None
     slack, left = prover.slack(proof)
-    shown, balance = claimed(slack), claimed(left) + Fraction(1, 2**60) if left else Fraction(0)
-    balance = left if balance < left else balance
-    claim = {"says": "held", "torques": torques, "margin": text(shown), "balance": text(balance)}
-    nu = loads.state.robot.nu
+    shown = claimed(slack)
+    claim = {"says": "held", "torques": torques, "margin": text(shown), "balance": text(left)}
     torque = np.array([float(Fraction(x)) for x in proof.get("torque", [])])
     gain = np.array([[float(Fraction(x)) for x in row] for row in proof.get("gain", [])])
-    gain = gain.reshape(nu, loads.components.shape[1] if torques == "affine" else 0)
-    return RobustHold(
-        loads, torques, float(shown), float(balance), torque, gain, search.parts, document_of(loads, about, claim, proof)
+    gain = gain.reshape(loads.state.robot.nu, loads.components.shape[1] if torques == "affine" else 0)
+    document = document_of(loads, _about(loads), claim, proof)
+    return RobustHold(loads, torques, float(shown), float(left), torque, gain, search.parts, document)
+
+
+def counterexample(prover: Prover, against: Mapping[str, Any], margin: float) -> Counterexample:
+    """The answer with members that cannot be held, of their proof."""
+    loads, torques = prover.loads, prover.torques
+    claim = {"says": "refuted", "torques": torques, "margin": text(Fraction(margin)), "balance": "0"}
+    gap = verifier.gap(prover.exact_data, against, torques, Fraction(margin))
+    numbers = [np.array([float(Fraction(x)) for x in m["parameters"]]) for m in against["members"]]
+    members = tuple([loads.member(m["vertex"], t) for m, t in zip(against["members"], numbers, strict=True)])
+    velocities = np.array([[float(Fraction(x)) for x in y] for y in against["velocities"]])
+    document = document_of(loads, _about(loads), claim, against)
+    return Counterexample(
+        loads, torques, margin, members, velocities, float(Fraction(against["reach"])), float(gap), document
     )  # fmt: skip
+
+
+def _about(loads: UncertainLoads) -> dict[str, Any]:
+    """What a file says of its data in words."""
+    return {
+        "robot": loads.state.robot.name,
+        "q": loads.state.q.tolist(),
+        "contacts": [r.name for r in loads.balance.rows],
+        "set": set_words(loads),
+        "points of pushes": [f"{s.frame} + {vector(np.asarray(s.offset))}" for s in loads.pushes],
+        "numbers": list(loads.names),
+        "links": [list(link) for link in loads.links],
+        "rounding": "forces_radius and load_radius bound 100 operations a joint, of relative error 2^-53 each, from the "
+        "robot's file to these numbers: stated, and not checked by the verifier",
+    }
 
 
 class _Search:

@@ -21,6 +21,8 @@ from rbd.robust.uncertain_loads import UncertainLoads
 
 _ENOUGH = 1.0
 """A margin of the robot's weight is not exceeded."""
+_FARTHEST = 1e6
+"""No number of the program is looked for beyond."""
 _TOLERANCE = 1e-12
 
 
@@ -35,6 +37,7 @@ class Held:
         torque: Of all members, shape (nu,); or none for torques of each.
         gain: Torques of a unit push, shape (nu, d).
         velocities: Multipliers of the corners, shape (k, nv): they prove that the value is no larger.
+        aside: The number r of `free`, up to which the answer goes.
     """
 
     value: float
@@ -43,6 +46,7 @@ class Held:
     torque: Array
     gain: Array
     velocities: Array
+    aside: float
 
 
 class _Rows:
@@ -71,6 +75,7 @@ def largest(
     components: Array | None = None,
     margin: float | None = None,
     ways: tuple[Array, Array] | None = None,
+    free: tuple[Array, Array] | None = None,
     at_most: float = np.inf,
 ) -> Held:
     """The largest margin of a set, or with a margin given the largest s along `ways`.
@@ -83,6 +88,7 @@ def largest(
         components: Pushes at the corners, shape (k, d); for "affine".
         margin: What is kept; None: it is maximised.
         ways: (L', D'), shapes (k, nv) and (n, nv), of s; with a margin.
+        free: The same of a further number r of any size, which adds r times these.
         at_most: Larger s are not looked for.
     """
     import clarabel
@@ -107,19 +113,20 @@ def largest(
         count += out.size
         return out
 
-    s, x, F = new(1), new(k, p), new(n, p)
+    s, r, x, F = new(1), new(1), new(k, p), new(n, p)
     tau, change = (new(k, nu), new(n, nu)) if own else (new(1, nu), new(0, nu))
     K, sizes, lengths, torque_sizes = new(d, nu), new(n, p), new(n, len(cones)), new(len(change), nu)
     one, I = np.ones((1, 1)), np.eye(max(p, nu, 1))
-    way_of_corners, way_of_columns = ways if ways is not None else (np.zeros_like(corners), np.zeros_like(columns))
+    nothing = np.zeros_like(corners), np.zeros_like(columns)
+    (along, along_columns), (beside, beside_columns) = ways or nothing, free or nothing
 
     equal, above, round_ = _Rows(), _Rows(), _Rows()  # equations; rows at most their sides; cones of three rows, axis first
     for v in range(k):
         law = [(S, tau[v if own else 0])] + [(S * components[v, i], K[i]) for i in range(d) if components is not None]
-        equal.add([(P, x[v]), *law, (-way_of_corners[v][:, None] / U, s)], corners[v] / U)
+        equal.add([(P, x[v]), *law, (-along[v][:, None] / U, s), (-beside[v][:, None] / U, r)], corners[v] / U)
     for i in range(n):
         law = [(S, change[i])] if own else []
-        equal.add([(P, F[i]), *law, (-way_of_columns[i][:, None] / U, s)], columns[i] / U)
+        equal.add([(P, F[i]), *law, (-along_columns[i][:, None] / U, s), (-beside_columns[i][:, None] / U, r)], columns[i] / U)
         for sign in (1.0, -1.0):
             above.add([(sign * I[:p, :p], F[i]), (-I[:p, :p], sizes[i])], np.zeros(p))
             if own:
@@ -148,8 +155,9 @@ def largest(
                     above.add(
                         [*[(sign * m, at) for m, at in law], (more, torque_sizes[:, j]), (keep, s)], np.array([end - fixed])
                     )
-    above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, 1e9)]))
-    above.add([(-one, s)], np.array([_ENOUGH * 1e6 if margin is None else 0.0]))
+    above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
+    above.add([(-one, s)], np.array([_FARTHEST]))
+    above.add([(np.array([[1.0], [-1.0]]), r)], np.full(2, _FARTHEST if free is not None else 0.0))
 
     rows = [equal, above, round_]
     offsets = np.cumsum([0, *[r.count for r in rows]])
@@ -173,5 +181,5 @@ def largest(
     none = np.zeros((nu, 0))
     return Held(
         value, X[x] * U, X[F] * U, X[tau[0]] * U if not own else np.zeros(0), X[K].T * U if d else none,
-        -z[: k * nv].reshape(k, nv),
+        -z[: k * nv].reshape(k, nv), float(X[r[0]]),
     )  # fmt: skip

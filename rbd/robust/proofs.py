@@ -255,3 +255,45 @@ def claimed(slack: Fraction) -> Fraction:
         return Fraction(0)
     step = Fraction(2) ** (slack.numerator.bit_length() - slack.denominator.bit_length()) * _KEPT
     return slack // step * step
+
+
+def worst_along(
+    L: UncertainLoads,
+    vertices: Array,
+    margin: float,
+    along: Array,
+    beside: Array | None,
+    most: float,
+    columns: tuple[Array, Array] | None = None,
+) -> tuple[int, Array, Held]:
+    """(corner, t, answer) of the member with the least extent along a way that the search finds.
+
+    Args:
+        L: The loads.
+        vertices: Numbers of corners at which it begins.
+        margin: What is kept.
+        along: What the extent adds to the loads of corners, shape (k, nv).
+        beside: What a further number of any size adds, likewise, or None.
+        most: Larger extents are not looked for.
+        columns: The same of (along, beside) for the columns, shapes (n, nv).
+    """
+    along_columns, beside_columns = columns if columns is not None else (np.zeros_like(L.columns), np.zeros_like(L.columns))
+    best: tuple[int, Array, Held] | None = None
+    nothing = np.zeros((0, L.corners.shape[1]))
+    for v in vertices[:_CORNERS]:
+        signs = np.zeros(len(L.columns))
+        for _ in range(_STEPS):
+            t = L.inside(signs)
+            ways = (along[v] + t @ along_columns)[None], nothing
+            free = None if beside is None else ((beside[v] + t @ beside_columns)[None], nothing)
+            found = largest(L, L.load(int(v), t)[None], nothing, margin=margin, ways=ways, free=free, at_most=most)
+            if best is None or found.value < best[2].value:
+                best = int(v), t, found
+            slopes = L.columns + found.value * along_columns + found.aside * beside_columns
+            turned = np.sign(np.nan_to_num(found.velocities[0]) @ np.nan_to_num(slopes).T)
+            turned = np.where(turned == 0.0, signs, turned)
+            if (turned == signs).all() or not np.isfinite(found.value):
+                break
+            signs = turned
+    assert best is not None
+    return best

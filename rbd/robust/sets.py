@@ -130,6 +130,13 @@ class Member(Displayed):
         push: {frame: force (3,), or force and moment (6,), in W [N, N m]}.
         mass: {link: [kg]}.
         com: {link: how far from the file's place, in the axes of the link's frame, shape (3,) [m]}.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> sole = rbd.SurfaceContact("base", "box", half_lengths=(0.2, 0.2), friction=0.5)
+        >>> state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
+        >>> print(rbd.robust.hold(state, [sole], mass={"box": 0.1}, com={"box": (0.3, 0, 0)}).members[0].mass)
+        {'box': 11.0}
     """
 
     push: Mapping[str, Array]
