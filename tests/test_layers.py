@@ -21,7 +21,7 @@ ORDER = """
 displayed
 errors
 arrays installation modules
-kernels records
+intervals kernels records
 model problem
 constraints solvers workers
 robots

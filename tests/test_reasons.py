@@ -40,6 +40,7 @@ FROZEN = {
     25: "unsupported",
     26: "singular_inertia",
     27: "not_differentiable",
+    28: "not_enclosed",
     30: "no_solution",
     31: "no_solution: contradiction",
     32: "cannot_assemble",

@@ -11,6 +11,7 @@ import numpy as np
 from rbd.answers.analysis.admissible_forces import Admissible, admissible
 from rbd.answers.analysis.conditions import relaxed, row_weights, smallest_violation
 from rbd.answers.analysis.contact_modes import feedback_acceleration
+from rbd.answers.analysis.enclosure import Enclosure, enclosure_of
 from rbd.answers.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.answers.analysis.infeasibility import Contradiction, contradiction
 from rbd.answers.analysis.sensitivity import Derivatives, StateOrigin
@@ -248,6 +249,19 @@ class Solution(Answer):
         return uniqueness_of(
             self._admissible, self.a, self.law, self.corner_forces, self.force_choice, self.multipliers, motion_freedom(self)
         )
+
+    def enclosure(self) -> Enclosure:
+        """Intervals of a and of the forces that contain the exact answer of the posed problem, by interval arithmetic.
+
+        The arrays of the problem are taken as exact doubles: how they follow from the robot is not covered. It shows that there
+        is exactly one motion with these contact modes, and, where the law is a convex one, that there is no other at all.
+
+        Raises:
+            NoSolution: if this is no answer.
+            NotEnclosed: too near a change of contact mode; names the row, and what was needed.
+        """
+        self._must_be_one("intervals of it were asked for")
+        return enclosure_of(self)
 
     def _must_be_one(self, what: str) -> None:
         if not self.residuals.within(USABLE):

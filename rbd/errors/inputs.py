@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Sequence
 from types import UnionType
 from typing import Any
@@ -165,6 +166,34 @@ class NotDifferentiable(RbdError):
     """
 
     reason = Reason.NOT_DIFFERENTIABLE
+
+
+class NotEnclosed(RbdError):
+    """No intervals around an answer were shown to contain the exact one: a row is too near a limit, or the answer is off.
+
+    Attributes:
+        constraint: Name of the constraint whose row is too near a limit; empty where none is.
+        row: Number of its row or point, from 0; of the coordinate, where there is no constraint.
+        value: What was found.
+        needed: The value must be above this.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5)
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 98.1))  # as much as its weight
+        >>> rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [corner], external=lift).enclosure()
+        Traceback (most recent call last):
+            ...
+        rbd.errors.NotEnclosed: 'corner', point 1 of 1, sticks: its force is ...
+    """
+
+    reason = Reason.NOT_ENCLOSED
+
+    def __init__(
+        self, message: str, *, constraint: str = "", row: int = 0, value: float = math.nan, needed: float = 0.0
+    ) -> None:
+        super().__init__(message)
+        self.constraint, self.row, self.value, self.needed = constraint, row, value, needed
 
 
 class SingularInertia(RbdError):

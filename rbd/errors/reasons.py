@@ -58,6 +58,7 @@ class Reason(StrEnum):
     UNSUPPORTED = "unsupported", 25, "The solver cannot take this kind of problem."
     SINGULAR_INERTIA = "singular_inertia", 26, "The inertia matrix is not positive definite."
     NOT_DIFFERENTIABLE = "not_differentiable", 27, "The answer is at a change of contact mode and has no derivatives."
+    NOT_ENCLOSED = "not_enclosed", 28, "No intervals that contain the exact answer were found: the answer is too near a limit."
 
     NO_SOLUTION = "no_solution", 30, "No answer within tolerance was found; that there is none is not proved."
     CONTRADICTION = "no_solution: contradiction", 31, "The constraints contradict each other."

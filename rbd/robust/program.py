@@ -21,6 +21,8 @@ from rbd.robust.uncertain_loads import UncertainLoads
 
 _ENOUGH = 1.0
 """A margin of the robot's weight is not exceeded."""
+_LEAST = 1e3
+"""Nor is one less than minus this, over the weight."""
 _FARTHEST = 1e6
 """No number of the program is looked for beyond."""
 _TOLERANCE = 1e-12
@@ -88,7 +90,7 @@ def largest(
         components: Pushes at the corners, shape (k, d); for "affine".
         margin: What is kept; None: it is maximised.
         ways: (L', D'), shapes (k, nv) and (n, nv), of s; with a margin.
-        free: The same of a further number r of any size, which adds r times these.
+        free: The same of a further number r, up to `at_most` of either sign, which adds r times these.
         at_most: Larger s are not looked for.
     """
     import clarabel
@@ -156,8 +158,8 @@ def largest(
                         [*[(sign * m, at) for m, at in law], (more, torque_sizes[:, j]), (keep, s)], np.array([end - fixed])
                     )
     above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
-    above.add([(-one, s)], np.array([_FARTHEST]))
-    above.add([(np.array([[1.0], [-1.0]]), r)], np.full(2, _FARTHEST if free is not None else 0.0))
+    above.add([(-one, s)], np.array([_LEAST if margin is None else 0.0]))
+    above.add([(np.array([[1.0], [-1.0]]), r)], np.full(2, min(at_most, _FARTHEST) if free is not None else 0.0))
 
     rows = [equal, above, round_]
     offsets = np.cumsum([0, *[r.count for r in rows]])

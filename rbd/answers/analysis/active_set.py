@@ -35,7 +35,7 @@ from rbd.problem.cones import Cone
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
-from rbd.solvers.conic_newton import solve_conic
+from rbd.solvers.conic_newton import interior_point, solve_conic
 
 CONSISTENT = 1e-6
 """Largest residual of redundant rows after a change, over its largest entry."""
@@ -256,40 +256,54 @@ def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
 
     The largest slack that all can have, over their units, is a conic program in internal forces and that slack.
     """
-    start, needs, d = np.array(modes.start), modes.needs, kernel.shape[1]
-    room = _room(needs, start)
+    start, needs = np.array(modes.start), modes.needs
+    room = room_of(needs, start)
     if room.min(initial=1.0) > RESOLUTION:
         return
-    if d:
-        shift = kernel * max(need.unit for need in needs)
-        rows, cones = [need for need in needs if not need.cone], [need for need in needs if need.cone]
-        at, of_cones = (np.array([need.active for need in some], int) for some in (rows, cones))
-        sign, unit = (np.array([getattr(need, what) for need in rows]) for what in ("sign", "unit"))
-        mu, scale = np.array([need.sign for need in cones]), np.repeat([need.unit for need in cones], 3)
-        triples, k = (of_cones[:, None] + np.arange(3)).ravel(), 3 * len(cones)
-        less = np.zeros((k, 1))
-        less[2::3, 0] = -1.0 / mu  # of each normal force
-        forces = Unknowns(k, cones=np.arange(k).reshape(-1, 3), mu=mu)
-        pushed = {"internal": shift[triples] / scale[:, None], "slack": less, "forces": -np.eye(k)}
-        slack = {"internal": (sign / unit)[:, None] * shift[at], "slack": -np.ones((len(rows), 1))}
-        program = Conic.of(
-            {"internal": Unknowns(d), "slack": Unknowns(1, linear=-1.0, upper=1.0), "forces": forces},
-            [(pushed, -start[triples] / scale)],
-            [(slack, -(sign * start[at] + [need.level for need in rows]) / unit, math.inf)],
-        )
-        found = solve_conic(program, newton=False)
-        if not found.solved:
-            raise NotDifferentiable(
-                "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "
-                f"conic program gave up after {found.iterations} steps. Move q, tau or the push a little."
-            )
-        room = _room(needs, start + shift @ found.x[:d])
+    if kernel.shape[1]:
+        inner, optimal = inmost(needs, start, kernel)
+        room = room_of(needs, inner)
         if room.min() > RESOLUTION:
             return
+        if not optimal:
+            raise NotDifferentiable(
+                "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "
+                "conic program gave up. Move q, tau or the push a little."
+            )
     _refuse(answer, modes, needs[int(np.flatnonzero(room <= room.min() + RESOLUTION)[0])])  # of several alike the first
 
 
-def _room(needs: list[Need], s: Array) -> Array:
+def inmost(needs: list[Need], start: Array, kernel: Array, *, nearly: bool = False) -> tuple[Array, bool]:
+    """(weights with the same motion whose least slack, over its unit, is the largest; whether they are surely those).
+
+    Args:
+        needs: The inequalities.
+        start: Weights, shape (k,).
+        kernel: Directions that cause no motion, shape (k, d).
+        nearly: A point well inside is enough, in a third of the time.
+    """
+    d = kernel.shape[1]
+    shift = kernel * max(need.unit for need in needs)
+    rows, cones = [need for need in needs if not need.cone], [need for need in needs if need.cone]
+    at, of_cones = (np.array([need.active for need in some], int) for some in (rows, cones))
+    sign, unit = (np.array([getattr(need, what) for need in rows]) for what in ("sign", "unit"))
+    mu, scale = np.array([need.sign for need in cones]), np.repeat([need.unit for need in cones], 3)
+    triples, k = (of_cones[:, None] + np.arange(3)).ravel(), 3 * len(cones)
+    less = np.zeros((k, 1))
+    less[2::3, 0] = -1.0 / mu  # of each normal force
+    forces = Unknowns(k, cones=np.arange(k).reshape(-1, 3), mu=mu)
+    pushed = {"internal": shift[triples] / scale[:, None], "slack": less, "forces": -np.eye(k)}
+    slack = {"internal": (sign / unit)[:, None] * shift[at], "slack": -np.ones((len(rows), 1))}
+    program = Conic.of(
+        {"internal": Unknowns(d), "slack": Unknowns(1, linear=-1.0, upper=1.0), "forces": forces},
+        [(pushed, -start[triples] / scale)],
+        [(slack, -(sign * start[at] + [need.level for need in rows]) / unit, math.inf)],
+    )
+    found = interior_point(program) if nearly else solve_conic(program, newton=False)
+    return (start + shift @ found.x[:d] if np.isfinite(found.x).all() else start), found.solved
+
+
+def room_of(needs: list[Need], s: Array) -> Array:
     """Slack of each force, over its unit, shape (len(needs),)."""
     out = np.zeros(len(needs))
     for i, need in enumerate(needs):
