@@ -1,15 +1,15 @@
 """The conic program of a set of loads: forces at its corners, corrections for its columns, of the largest margin or extent.
 
-    maximise margin, or s          at each corner v:     P f_v + S^T tau_v = L_v + s L'_v
-                                   for each column i:    P F_i + S^T tau_i = D_i + s D'_i
-    |f_vt| + sum_i |F_it| + margin <= friction (f_vn - sum_i |F_in|), and likewise for bounds and torques
+    maximise margin, or s          at each corner:       P f + S^T tau = L + s L'
+                                   for each column i:    P F_i + S^T tau_i + P_i f = D_i + s D'_i
+    |f_t| + sum_i |F_it| + margin <= friction (f_n - sum_i |F_in|), and likewise for bounds and torques
 
 Sparse, as the corrections meet only in the sums. Forces are over the robot's weight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from rbd.robust.uncertain_loads import UncertainLoads
 
 _ENOUGH = 1.0
 """A margin of the robot's weight is not exceeded."""
-_LEAST = 1e3
+_LEAST = 1e6
 """Nor is one less than minus this, over the weight."""
 _FARTHEST = 1e6
 """No number of the program is looked for beyond."""
@@ -35,7 +35,7 @@ class Held:
     Attributes:
         value: The margin [N, N m], or s; -inf where there is no answer.
         forces: At the corners, shape (k, p) [N].
-        corrections: For the columns, shape (n, p) [N].
+        corrections: For the columns at each corner, shape (k, n, p) [N].
         torque: Of all members, shape (nu,); or none for torques of each.
         gain: Torques of a unit push, shape (nu, d).
         velocities: Multipliers of the corners, shape (k, nv): they prove that the value is no larger.
@@ -79,6 +79,7 @@ def largest(
     ways: tuple[Array, Array] | None = None,
     free: tuple[Array, Array] | None = None,
     at_most: float = np.inf,
+    turns: Mapping[int, tuple[Array, Array]] | None = None,
 ) -> Held:
     """The largest margin of a set, or with a margin given the largest s along `ways`.
 
@@ -92,6 +93,7 @@ def largest(
         ways: (L', D'), shapes (k, nv) and (n, nv), of s; with a margin.
         free: The same of a further number r, up to `at_most` of either sign, which adds r times these.
         at_most: Larger s are not looked for.
+        turns: {number of a column: (what it changes in P, shape (nv, p), and in the loads at corners, shape (k, nv))}.
     """
     import clarabel
 
@@ -115,31 +117,35 @@ def largest(
         count += out.size
         return out
 
-    s, r, x, F = new(1), new(1), new(k, p), new(n, p)
-    tau, change = (new(k, nu), new(n, nu)) if own else (new(1, nu), new(0, nu))
-    K, sizes, lengths, torque_sizes = new(d, nu), new(n, p), new(n, len(cones)), new(len(change), nu)
+    s, r, x, F = new(1), new(int(free is not None)), new(k, p), new(k, n, p)
+    tau, change = (new(k, nu), new(k, n, nu)) if own else (new(1, nu), new(k, 0, nu))
+    K, sizes, lengths, torque_sizes = new(d, nu), new(k, n, p), new(k, n, len(cones)), new(*change.shape)
     one, I = np.ones((1, 1)), np.eye(max(p, nu, 1))
     nothing = np.zeros_like(corners), np.zeros_like(columns)
     (along, along_columns), (beside, beside_columns) = ways or nothing, free or nothing
+    fixed, takes = (0.0, 1.0) if margin is None else (margin / U, 0.0)
+    all_sizes, keep, more = np.ones((1, n)), np.full((1, 1), takes), np.ones((1, change.shape[1]))
 
     equal, above, round_ = _Rows(), _Rows(), _Rows()  # equations; rows at most their sides; cones of three rows, axis first
     for v in range(k):
         law = [(S, tau[v if own else 0])] + [(S * components[v, i], K[i]) for i in range(d) if components is not None]
-        equal.add([(P, x[v]), *law, (-along[v][:, None] / U, s), (-beside[v][:, None] / U, r)], corners[v] / U)
-    for i in range(n):
-        law = [(S, change[i])] if own else []
-        equal.add([(P, F[i]), *law, (-along_columns[i][:, None] / U, s), (-beside_columns[i][:, None] / U, r)], columns[i] / U)
-        for sign in (1.0, -1.0):
-            above.add([(sign * I[:p, :p], F[i]), (-I[:p, :p], sizes[i])], np.zeros(p))
-            if own:
-                above.add([(sign * I[:nu, :nu], change[i]), (-I[:nu, :nu], torque_sizes[i])], np.zeros(nu))
-        for c, (a, b, _) in enumerate(cones):
-            round_.add([(-np.eye(3), np.array([lengths[i, c], F[i, a], F[i, b]]))], np.zeros(3))
-    fixed, takes = (0.0, 1.0) if margin is None else (margin / U, 0.0)
-    all_sizes, keep = np.ones((1, n)), np.full((1, 1), takes)
+        ends = [(-along[v][:, None] / U, s), *([(-beside[v][:, None] / U, r)] if len(r) else [])]
+        equal.add([(P, x[v]), *law, *ends], corners[v] / U)
     for v in range(k):
+        for i in range(n):
+            law = [(S, change[v, i])] if own else []
+            law += [(turns[i][0], x[v])] if turns is not None and i in turns else []
+            ends = [(-along_columns[i][:, None] / U, s), *([(-beside_columns[i][:, None] / U, r)] if len(r) else [])]
+            side = columns[i] + (turns[i][1][v] if turns is not None and i in turns else 0.0)
+            equal.add([(P, F[v, i]), *law, *ends], side / U)
+            for sign in (1.0, -1.0):
+                above.add([(sign * I[:p, :p], F[v, i]), (-I[:p, :p], sizes[v, i])], np.zeros(p))
+                if own:
+                    above.add([(sign * I[:nu, :nu], change[v, i]), (-I[:nu, :nu], torque_sizes[v, i])], np.zeros(nu))
+            for c, (a, b, _) in enumerate(cones):
+                round_.add([(-np.eye(3), np.array([lengths[v, i, c], F[v, i, a], F[v, i, b]]))], np.zeros(3))
         for c, ((a, b, t), mu) in enumerate(zip(cones, sets.mu, strict=True)):
-            axis = np.concatenate([[x[v, t]], sizes[:, t], lengths[:, c], s])
+            axis = np.concatenate([[x[v, t]], sizes[v, :, t], lengths[v, :, c], s])
             weights = np.concatenate([[-mu], np.full(n, mu), np.ones(n), [takes]])
             matrix = np.zeros((3, len(axis) + 2))
             matrix[0, :-2], matrix[1, -2], matrix[2, -1] = weights, -1.0, -1.0
@@ -147,19 +153,19 @@ def largest(
         for j in bounded:
             for sign, end in ((-1.0, -sets.lower[j]), (1.0, sets.upper[j])):
                 if np.isfinite(end):
-                    above.add([(sign * one, x[v, j : j + 1]), (all_sizes, sizes[:, j]), (keep, s)], np.array([end / U - fixed]))
+                    row = [(sign * one, x[v, j : j + 1]), (all_sizes, sizes[v, :, j]), (keep, s)]
+                    above.add(row, np.array([end / U - fixed]))
         for j in limited if own or d or v == 0 else []:
             law = [(one, tau[v if own else 0, j : j + 1])]
             law += [(one * components[v, i], K[i, j : j + 1]) for i in range(d) if components is not None]
-            more = np.ones((1, len(change)))
             for sign, end in ((-1.0, -low[j]), (1.0, high[j])):
                 if np.isfinite(end):
-                    above.add(
-                        [*[(sign * m, at) for m, at in law], (more, torque_sizes[:, j]), (keep, s)], np.array([end - fixed])
-                    )
+                    row = [*[(sign * m, at) for m, at in law], (more, torque_sizes[v, :, j]), (keep, s)]
+                    above.add(row, np.array([end - fixed]))
     above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
     above.add([(-one, s)], np.array([_LEAST if margin is None else 0.0]))
-    above.add([(np.array([[1.0], [-1.0]]), r)], np.full(2, min(at_most, _FARTHEST) if free is not None else 0.0))
+    if len(r):
+        above.add([(np.array([[1.0], [-1.0]]), r)], np.full(2, min(at_most, _FARTHEST)))
 
     rows = [equal, above, round_]
     offsets = np.cumsum([0, *[r.count for r in rows]])
@@ -183,5 +189,5 @@ def largest(
     none = np.zeros((nu, 0))
     return Held(
         value, X[x] * U, X[F] * U, X[tau[0]] * U if not own else np.zeros(0), X[K].T * U if d else none,
-        -z[: k * nv].reshape(k, nv), float(X[r[0]]),
+        -z[: k * nv].reshape(k, nv), float(X[r].sum()),
     )  # fmt: skip

@@ -7,7 +7,7 @@ velocity is moved into the cones that it must be in. `rbd.robust.verifier` is th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -65,6 +65,7 @@ def document_of(
         "load_radius": text(loads.load_radius),
         "pushes": text(loads.components),
         "parameters": text(loads.columns),
+        "slopes": [[i, text(loads.turns[i][0]), text(loads.turns[i][1])] for i in sorted(loads.turns)],
     }
     found = {"kind": verifier.KIND, "about": dict(about), "data": data, "claim": dict(claim), "proof": dict(proof)}
     return found | {"sha256": verifier.digest(found)}
@@ -93,23 +94,38 @@ class Prover:
 
     def witness(self, low: Array, high: Array, margin: float) -> tuple[Held, dict[str, Any] | None]:
         """(what the program found, its proof), over a box of numbers t; no proof where the margin is less."""
-        L = self.loads
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        found = largest(
-            L, L.corners + middle @ L.columns, half[:, None] * L.columns, self.torques, components=L.components
-        )  # fmt: skip
-        return found, self.rounded(found, middle, half) if found.value >= margin - 1e-6 * L.balance.unit else None
+        L, middle, half = self.loads, 0.5 * (low + high), 0.5 * (high - low)
+        part, columns = L.within(middle), half[:, None] * L.columns
+        turns = {i: (half[i] * S, half[i] * own) for i, (S, own) in L.turns.items()}
+        if self.torques == "each":  # corners have nothing in common
+            each = [
+                largest(part, load[None], columns, turns={i: (S, own[v : v + 1]) for i, (S, own) in turns.items()})
+                for v, load in enumerate(part.corners)
+            ]
+            found = replace(
+                each[0], value=min(one.value for one in each), forces=np.concatenate([one.forces for one in each]),
+                corrections=np.concatenate([one.corrections for one in each]),
+                velocities=np.array([one.velocities[0] * (one.value <= each[_least(each)].value) for one in each]),
+            )  # fmt: skip
+        else:
+            found = largest(part, part.corners, columns, self.torques, components=L.components, turns=turns)
+        enough = found.value >= margin - 1e-6 * L.balance.unit
+        return found, self.rounded(found, part, columns, turns) if enough else None
 
-    def rounded(self, found: Held, middle: Array, half: Array) -> dict[str, Any]:
+    def rounded(
+        self, found: Held, part: UncertainLoads, columns: Array, turns: Mapping[int, tuple[Array, Array]]
+    ) -> dict[str, Any]:
         """The answer of a program as short fractions, its errors in the idle rows repaired to rounding."""
-        L, unit = self.loads, self.loads.balance.unit
-        A = L.balance.per_weight[L.state.robot.unactuated]
+        idle, unit = part.state.robot.unactuated, part.balance.unit
+        A = part.balance.per_weight[idle]
         X = np.linalg.pinv(A) if A.size else np.zeros((A.shape[1], 0))
-        idle = L.state.robot.unactuated
         forces, corrections = found.forces.copy(), found.corrections.copy()
         for _ in range(2):
-            forces -= ((forces @ A.T) - (L.corners + middle @ L.columns)[:, idle]) @ X.T
-            corrections -= ((corrections @ A.T) - (half[:, None] * L.columns)[:, idle]) @ X.T
+            forces -= ((forces @ A.T) - part.corners[:, idle]) @ X.T
+            wanted = np.repeat(columns[None], len(forces), axis=0)
+            for i, (S, own) in turns.items():
+                wanted[:, i] += own - forces @ S.T
+            corrections -= ((corrections @ A.T) - wanted[:, :, idle]) @ X.T
         step = 2.0 ** (np.floor(np.log2(unit)) - _BITS)
         proof = {
             "forces": text(np.round(forces / step) * step),
@@ -136,10 +152,10 @@ class Prover:
             signs = np.sign(np.nan_to_num(found.velocities[v]) @ L.columns.T)
             for _ in range(_STEPS):
                 t = L.inside(0.5 * (low + high) + 0.5 * (high - low) * signs)
-                own = largest(L, L.load(int(v), t)[None], np.zeros((0, L.corners.shape[1])))
+                own = largest(L.within(t), L.load(int(v), t)[None], np.zeros((0, L.corners.shape[1])))
                 if best is None or own.value < best[2].value:
                     best = int(v), t, own
-                turned = np.sign(np.nan_to_num(own.velocities[0]) @ L.columns.T)
+                turned = np.sign(L.slopes(int(v), np.nan_to_num(own.forces[0])) @ np.nan_to_num(own.velocities[0]))
                 turned = np.where(turned == 0.0, signs, turned)
                 if own.value < margin or (turned == signs).all():
                     break
@@ -173,7 +189,7 @@ class Prover:
         size = float(np.abs(velocities).max(initial=0.0))
         if not (np.isfinite(size) and size > 0.0):
             return None
-        Y, P = velocities / size, L.balance.per_weight
+        Y, places = velocities / size, [L.within(t).balance.per_weight for _, t in members]
         low, high = L.limits
         limitless = robot.actuated[~(np.isfinite(low) & np.isfinite(high))]
         if self.torques == "each":
@@ -182,7 +198,7 @@ class Prover:
             Y[0, limitless] -= Y[:, limitless].sum(axis=0)
         inward = self._inward()
         for step in (0.0, 1.0, 2.0, 8.0):
-            moved = Y + step * np.array([self._outside(P.T @ y) for y in Y])[:, None] * inward
+            moved = Y + step * np.array([self._outside(P.T @ y) for P, y in zip(places, Y, strict=True)])[:, None] * inward
             exact = text(np.round(moved * 2.0**50) / 2.0**50)
             shares = self._shares(members)
             for reach in _REACHES:
@@ -230,6 +246,11 @@ class Prover:
         out = np.zeros(balance.per_weight.shape[0])
         out[idle] = np.linalg.lstsq(balance.per_weight[idle].T, wanted, rcond=1e-9)[0]
         return out
+
+
+def _least(each: list[Held]) -> int:
+    """The number of the least margin."""
+    return int(np.argmin([one.value for one in each]))
 
 
 def _combination(point: list[Fraction], others: list[list[Fraction]]) -> list[Fraction] | None:

@@ -16,7 +16,7 @@ more than the members. Masses and moments move the load; friction "at least mu" 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from math import prod
 
@@ -51,6 +51,8 @@ class UncertainLoads:
         links: (link, number of its column of mass or -1, middle mass [kg], half-width [kg or m]) of each.
         load_radius: Bound of the rounding of a load, shape (nv,).
         forces_radius: Bound of the rounding of the generalised force of a unit contact force, shape (nv,).
+        turns: {number of a column: (what it changes in `balance.per_weight`, shape (nv, p); in each corner's load, beside its
+            column, shape (k, nv))}, of joints of an uncertain pose.
     """
 
     balance: ForceBalance
@@ -63,6 +65,7 @@ class UncertainLoads:
     links: tuple[tuple[str, int, float, float], ...]
     load_radius: Array
     forces_radius: Array
+    turns: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -136,7 +139,25 @@ class UncertainLoads:
 
     def load(self, corner: int, t: Array) -> Array:
         """The load of a member, shape (nv,) [N, N m]."""
-        return np.asarray(self.corners[corner] + t @ self.columns)
+        own = [t[i] * loads[corner] for i, (_, loads) in self.turns.items()]
+        return np.asarray(self.corners[corner] + t @ self.columns + sum(own, np.zeros(self.corners.shape[1])))
+
+    def within(self, t: Array) -> UncertainLoads:
+        """The same about other numbers t: their loads and, at another pose, what forces do there."""
+        corners = np.array([self.load(v, t) for v in range(len(self.corners))])
+        if not self.turns:
+            return replace(self, corners=corners)
+        P = self.balance.per_weight + sum(t[i] * S for i, (S, _) in self.turns.items())
+        balance = replace(self.balance)
+        balance.__dict__["per_weight"] = P
+        return replace(self, corners=corners, balance=balance)
+
+    def slopes(self, corner: int, forces: Array) -> Array:
+        """How the load less what forces balance of it changes with each t, shape (n, nv)."""
+        out = self.columns.copy()
+        for i, (S, loads) in self.turns.items():
+            out[i] += loads[corner] - S @ forces
+        return out
 
     def inside(self, t: Array) -> Array:
         """The same for a true member: of a link that is lighter than at most, moments of its centre of mass are less."""

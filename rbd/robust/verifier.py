@@ -3,19 +3,17 @@
     python verifier.py file.json            exit code 0: the claim is proved; 1: it is not; 2: no certificate file
 
 The data: rows with a motor and `idle` ones; generalised forces P of unit contact forces, each number within `forces_radius` of
-its row; loads at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load as a whole is
-within `load_radius`. A member of the set is a load L = sum of shares times `loads` + sum of t times D. It is held by
+its row; loads at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load is within
+`load_radius`. Numbers of a pose change P too, by their `slopes`. A member L = sum of shares of `loads` + sum of t D is held by
 
     P f + S^T tau = L,    |f_t| + margin <= friction f_n,    lower + margin <= f <= upper - margin,    the same of torques.
 
-A claim "held": each member is. Its proof has forces f_v at the corners v, and F for each t; what they miss in the idle rows a
-right inverse X repairs: P X = 1 + E, |E| <= q < 1, so that X z with |z| <= missed / (1 - q) is added. Checked is
+A claim "held": each member is. Its proof has forces f at each corner of the pushes, and F for each t there; what they miss in
+the idle rows a right inverse X repairs: P X = 1 + E, |E| <= q < 1, so X z with |z| <= missed / (1 - q) is added. Checked is
 
-    |f_vt| + sum |F_t| + shift + margin <= friction (f_vn - sum |F_n| - shift)      and the same of bounds and torques,
+    |f_t| + sum |F_t| + shift + margin <= friction (f_n - sum |F_n| - shift)      and the same of bounds and torques.
 
-sums over all t. A set may be split: each part has its own proof. Torques: "each" member has its own; "one" for all, or "affine"
-in the push, leave less than `balance` in each row with a motor.
-
+A set may be split. Torques: "each" member has its own; "one" for all, or "affine" in the push, misses `balance` at most.
 A claim "refuted": some members cannot be held, together where they share torques. Its proof has a virtual velocity y of each:
 the sum of y . L is larger than the sum of y . (P f + S^T tau) can be, whatever f and tau with numbers up to `reach`.
 """
@@ -26,6 +24,7 @@ import math
 import sys
 from collections.abc import Sequence
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,9 +34,8 @@ NO_CERTIFICATE = (OSError, LookupError, TypeError, ValueError, AttributeError, A
 
 
 def digest(document: dict[str, Any]) -> str:
-    """SHA-256 of all but the digest itself, as JSON with sorted keys and no spaces."""
-    text = json.dumps({**document, "sha256": ""}, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    """SHA-256 of all but the digest itself, as JSON with sorted keys."""
+    return hashlib.sha256(json.dumps({**document, "sha256": ""}, sort_keys=True).encode()).hexdigest()
 
 
 def exact(value: Any) -> Any:
@@ -71,6 +69,7 @@ def data_of(given: dict[str, Any]) -> Any:
     right = {len(x) for x in (*D.loads, *D.parameters, D.forces_radius, D.load_radius)} == {rows} and len(D.loads) > 0
     right &= {len(x) for x in D.forces} == {p} == {len(D.upper)} and {len(D.torque_low), len(D.torque_high)} == {nu}
     right &= sorted(D.idle + D.motors) == list(range(rows)) and len(D.pushes) == len(D.loads)
+    right &= all(len(S) == rows and {len(x) for x in S} == {p} and len(own) == len(D.loads) for _, S, own in D.slopes)
     right &= len(set(in_cones)) == 3 * len(D.cones) == 3 * len(D.friction) and set(in_cones) <= set(range(p))
     if not (right and all(mu > 0 for mu in D.friction) and min(D.forces_radius + D.load_radius) >= 0):
         raise ValueError("sizes or signs of the data do not agree")
@@ -79,45 +78,48 @@ def data_of(given: dict[str, Any]) -> Any:
 
 def load_at(data: Any, vertex: int, t: Sequence[Fraction]) -> list[Fraction]:
     """Load of a corner of the pushes with these numbers t."""
-    return [L + dot(t, [D[k] for D in data.parameters]) for k, L in enumerate(data.loads[vertex])]
+    load = [L + dot(t, [D[k] for D in data.parameters]) for k, L in enumerate(data.loads[vertex])]
+    return [L + sum(t[i] * own[vertex][k] for i, _, own in data.slopes) for k, L in enumerate(load)]
+
+
+def forces_at(data: Any, t: Sequence[Fraction]) -> list[list[Fraction]]:
+    """P with these numbers t."""
+    return [[x + sum(t[i] * S[k][j] for i, S, _ in data.slopes) for j, x in enumerate(r)] for k, r in enumerate(data.forces)]
 
 
 def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torques: str) -> tuple[Fraction, Fraction]:
     """(least slack, largest imbalance) of a proof over a box of numbers t."""
-    P, radius, forces, X = data.forces, data.forces_radius, exact(proof["forces"]), exact(proof["inverse"])
-    corrections, middle = exact(proof["corrections"]), [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-    wide = [[(b - a) / 2 * d for d in D] for a, b, D in zip(low, high, data.parameters, strict=True)]
-    if len(corrections) != len(data.parameters) or len(forces) != len(data.loads) or len(X) != len(data.lower):
-        raise ValueError("sizes of the proof do not agree")
-    spread = [sum((abs(F[j]) for F in corrections), ZERO) for j in range(len(X))]
-    q = ZERO
-    for at, k in enumerate(data.idle):
-        off = [dot(P[k], [x[i] for x in X]) - (at == i) for i in range(len(data.idle))]
-        q = max(q, size(off) + radius[k] * sum(map(size, X), ZERO))
-    if q >= 1:
-        return -ONE, ZERO  # X repairs nothing
-    changes = [[dot(P[k], F) - D[k] for k in range(len(P))] for F, D in zip(corrections, wide, strict=True)]
-    varied = [sum((abs(change[k]) for change in changes), ZERO) for k in range(len(P))]
-    aside = [sum((length(F[a], F[b]) for F in corrections), ZERO) for a, b, _ in data.cones]
-    slack, imbalance = list[Fraction](), [ZERO]
-    for v, f in enumerate(forces):
-        blur = [data.load_radius[k] + radius[k] * (size(f) + size(spread)) for k in range(len(P))]
+    middle, half = ([(b + s * a) / 2 for a, b in zip(low, high, strict=True)] for s in (1, -1))
+    turns = [(i, [[half[i] * x for x in row] for row in S], loads) for i, S, loads in data.slopes]
+    X, P, radius, rows = exact(proof["inverse"]), forces_at(data, middle), data.forces_radius, range(len(data.forces))
+    wide = [[radius[k] + sum(abs(S[k][j]) for _, S, _ in turns) for j in range(len(X))] for k in rows]
+    off = [[dot(P[k], [x[i] for x in X]) - (k == at) for i, at in enumerate(data.idle)] for k in data.idle]
+    q = max((size(e) + dot(wide[k], list(map(size, X))) for k, e in zip(data.idle, off, strict=True)), default=ZERO)
+    slack, imbalance = [-ONE] * (q >= 1), [ZERO]
+    for v, (f, F, _) in enumerate(zip(exact(proof["forces"]), exact(proof["corrections"]), data.loads, strict=True)):
+        missed = [[dot(P[k], G) - h * D[k] for k in rows] for h, G, D in zip(half, F, data.parameters, strict=True)]
+        for i, S, loads in turns:
+            missed[i] = [x + dot(S[k], f) - half[i] * loads[v][k] for k, x in enumerate(missed[i])]
+        missed += [[dot(row, G) for row in S] for _, S, _ in turns for G in F]
+        spread = [size([G[j] for G in F]) for j in range(len(X))]
+        more = [size([m[k] for m in missed]) + data.load_radius[k] + radius[k] * (size(f) + size(spread)) for k in rows]
         left = [dot(row, f) - L for row, L in zip(P, load_at(data, v, middle), strict=True)]
-        z = max((abs(left[k]) + varied[k] + blur[k] for k in data.idle), default=ZERO) / (1 - q)
+        z = max((abs(left[k]) + more[k] for k in data.idle), default=ZERO) / (1 - q if q < 1 else 1)
         shift = [z * size(x) for x in X]
-        for (a, b, n), mu, more in zip(data.cones, data.friction, aside, strict=True):
-            slack.append(mu * (f[n] - spread[n] - shift[n]) - length(f[a], f[b]) - more - shift[a] - shift[b])
+        for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
+            aside = length(f[a], f[b]) + sum(length(G[a], G[b]) for G in F) + shift[a] + shift[b]
+            slack.append(mu * (f[n] - spread[n] - shift[n]) - aside)
         for j in data.bounded:
             slack += [] if data.lower[j] is None else [f[j] - spread[j] - shift[j] - data.lower[j]]
             slack += [] if data.upper[j] is None else [data.upper[j] - f[j] - spread[j] - shift[j]]
-        for i, (k, least, most) in enumerate(zip(data.motors, data.torque_low, data.torque_high, strict=True)):
-            tau, more = -left[k], varied[k] + blur[k] + dot([abs(x) + radius[k] for x in P[k]], shift)
+        for i, (k, least, top) in enumerate(zip(data.motors, data.torque_low, data.torque_high, strict=True)):
+            tau, about = -left[k], more[k] + sum((abs(x) + w) * s for x, w, s in zip(P[k], wide[k], shift, strict=True))
             if torques != "each":
                 law = exact(proof["torque"])[i] + (dot(exact(proof["gain"])[i], data.pushes[v]) if torques == "affine" else 0)
-                imbalance.append(abs(tau - law) + more)
-                tau, more = law, ZERO
-            slack += [] if least is None else [tau - more - least]
-            slack += [] if most is None else [most - tau - more]
+                imbalance.append(abs(tau - law) + about)
+                tau, about = law, ZERO
+            slack += [] if least is None else [tau - about - least]
+            slack += [] if top is None else [top - tau - about]
     return min(slack), max(imbalance)
 
 
@@ -133,9 +135,9 @@ def held(data: Any, proof: Any, torques: str, low: Any = None, high: Any = None)
     return min(below, held(data, proof["above"], torques, [*low[:i], at, *low[i + 1 :]], high))
 
 
-def largest(slope: Fraction, blur: Fraction, low: Fraction | None, high: Fraction | None, reach: Fraction) -> Fraction:
-    """The largest slope * x + blur * |x| over an interval; ends that are missing are at `reach`."""
-    ends = [-reach if low is None else low, reach if high is None else high]
+def largest(slope: Fraction, blur: Fraction, low: Any, high: Any, margin: Fraction, reach: Fraction) -> Fraction:
+    """The largest slope * x + blur * |x| over an interval less a margin at its ends; ends that are missing are at `reach`."""
+    ends = [-reach if low is None else low + margin, reach if high is None else high - margin]
     return max(slope * x + blur * abs(x) for x in ends)
 
 
@@ -146,24 +148,23 @@ def gap(data: Any, proof: Any, torques: str, margin: Fraction) -> Fraction:
     for k, (member, y) in enumerate(zip(members, Y, strict=True)):
         t, own = exact(member["parameters"]), {int(b): Fraction(s) for b, s in shares[k].items()}
         pushes = [[s * x for x in data.pushes[members[b]["vertex"]]] for b, s in own.items()]
-        follows = torques == "one" or own == {k: 1} or torques == "affine"
-        follows &= torques == "one" or list(map(sum, zip(*pushes, strict=True))) == data.pushes[member["vertex"]]
+        affine = list(map(sum, zip(*pushes, strict=True))) == data.pushes[member["vertex"]]
+        follows = torques == "one" or own == {k: 1} or (torques == "affine" and affine)
         if any(abs(x) > 1 for x in t) or sum(own.values()) != 1 or not follows or reach <= 0:
             raise ValueError("a member is none of the set, or its torques are none of the law")
         blur = dot(data.forces_radius, [abs(x) for x in y])
         total += dot(y, load_at(data, member["vertex"], t)) - dot(data.load_radius, [abs(x) for x in y])
-        r = [dot(y, [row[j] for row in data.forces]) for j in range(len(data.lower))]
+        r = [dot(y, column) for column in zip(*forces_at(data, t), strict=True)]
         for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
             total -= max(ZERO, r[n] + blur + mu * (length(r[a], r[b]) + 2 * blur)) * reach + (r[n] + blur) * margin / mu
         for j in data.bounded:
-            low, top = data.lower[j], data.upper[j]
-            total -= largest(r[j], blur, None if low is None else low + margin, None if top is None else top - margin, reach)
+            total -= largest(r[j], blur, data.lower[j], data.upper[j], margin, reach)
         for b, s in own.items():
-            sums = at_bases.setdefault(b, [ZERO] * len(data.motors))
+            sums = at_bases.get(b, [ZERO] * len(data.motors))
             at_bases[b] = [x + s * y[row] for x, row in zip(sums, data.motors, strict=True)]
     for sums in at_bases.values():
         for x, least, top in zip(sums, data.torque_low, data.torque_high, strict=True):
-            total -= largest(x, ZERO, None if least is None else least + margin, None if top is None else top - margin, reach)
+            total -= largest(x, ZERO, least, top, margin, reach)
     return total
 
 
@@ -187,8 +188,7 @@ def verify(document: Any) -> tuple[bool, str]:
 def main(arguments: list[str]) -> int:
     """Check a file and say what was found."""
     try:
-        with open(arguments[0], encoding="utf-8") as file:
-            proved, words = verify(json.load(file))
+        proved, words = verify(json.loads(Path(arguments[0]).read_bytes()))
     except NO_CERTIFICATE as error:
         print(f"no certificate: {error!r}", file=sys.stderr)
         return 2

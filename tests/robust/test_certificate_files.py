@@ -157,6 +157,14 @@ def test_what_is_no_certificate_is_refused(tmp_path, path, value):
     assert told.exit_code == 2 and "no certificate" in told.stderr
 
 
+def test_a_proof_of_some_corners_proves_nothing_of_all():
+    """Each corner of the pushes has its forces."""
+    proof = answer(5.0).document["proof"]
+    fewer = proof | {"forces": proof["forces"][:3], "corrections": proof["corrections"][:3]}
+    with pytest.raises(verifier.NO_CERTIFICATE):
+        verifier.verify(sealed(dict(answer(5.0).document) | {"proof": fewer}))
+
+
 def test_an_inverse_that_repairs_nothing_proves_nothing():
     """Where P X is not near one, nothing is claimed."""
     document = answer(5.0).document

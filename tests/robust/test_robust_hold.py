@@ -122,16 +122,16 @@ def test_members_refute_nothing_that_was_proved(talos, talos_held, exhaustive):
     """A thousand members, a million in the exhaustive run: the forces of the proof balance each within its cones and limits."""
     loads, count = talos_held.loads, 1_000_000 if exhaustive else 1_000
     balance, proof, rng = loads.balance, talos_held.document["proof"], np.random.default_rng(2)
-    forces, corrections = (
-        np.array([[float(Fraction(x)) for x in row] for row in proof[name]]) for name in ("forces", "corrections")
-    )
+    forces = np.array([[float(Fraction(x)) for x in row] for row in proof["forces"]])
+    corrections = np.array([[[float(Fraction(x)) for x in row] for row in part] for part in proof["corrections"]])
     P, idle, cones = balance.per_weight, loads.state.robot.unactuated, balance.sets.cone_columns
     _, most = loads.limits
     for start in range(0, count, 10_000):
         n = min(10_000, count - start)
-        shares, t = rng.dirichlet(np.full(len(forces), 0.3), n), rng.choice([-1.0, 1.0], (n, len(corrections)))
+        shares, t = rng.dirichlet(np.full(len(forces), 0.3), n), rng.choice([-1.0, 1.0], (n, corrections.shape[1]))
         t[::2] *= rng.uniform(0.0, 1.0, t[::2].shape)
-        f, load = shares @ forces + t @ corrections, shares @ loads.corners + t @ loads.columns
+        f = shares @ forces + np.einsum("nv,ni,vip->np", shares, t, corrections, optimize=True)
+        load = shares @ loads.corners + t @ loads.columns
         left = load - f @ P.T
         normal, aside = f[:, cones[:, 2]], np.hypot(f[:, cones[:, 0]], f[:, cones[:, 1]])
         assert np.abs(left[:, idle]).max() < 1e-9 * balance.unit
