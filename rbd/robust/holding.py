@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rbd.arrays import Array, check_number, check_whole
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, listed
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 from rbd.errors.inputs import check_choice
@@ -20,6 +20,8 @@ from rbd.model.output_files import write_text
 from rbd.model.state import State
 from rbd.records import Field, counted, joined, vector
 from rbd.robust import verifier
+from rbd.robust.pose_bounds import Boxed
+from rbd.robust.poses import in_the_middle, over_poses
 from rbd.robust.proofs import Prover, claimed, document_of, text
 from rbd.robust.sets import Boxes, Masses, Member
 from rbd.robust.uncertain_loads import UncertainLoads
@@ -169,6 +171,8 @@ def set_words(loads: UncertainLoads) -> str:
     links = list(dict.fromkeys(name.partition(" of ")[0] for name in loads.names if name.startswith("mass")))
     count = sum(name.startswith("mass") for name in loads.names)
     words += [counted(count, "mass", "masses")] if links else []
+    count = sum(name.startswith("joint ") for name in loads.names)
+    words += [counted(count, "joint")] if count else []
     boxes = list(dict.fromkeys(name.split("centre of mass of ")[1] for name in loads.names if "centre of mass" in name))
     words += [f"centre of mass of {joined(boxes, 3)}"] if boxes else []
     return "the set (" + ", ".join([*words, "friction at least that of the contacts"]) + ")"
@@ -182,6 +186,7 @@ def hold(
     friction: float | Mapping[str, float] | None = None,
     mass: Masses = None,
     com: Boxes = None,
+    joints: Boxed | None = None,
     torques: str = "each",
     margin: float = 0.0,
     loops: bool = True,
@@ -207,6 +212,8 @@ def hold(
         mass: {link: (low, high) [kg], or a share as 0.05 for +-5 %}, or a share of all links. A link counts with all that is
             fixed to it.
         com: {link: half-width, or three of them, of a box [m]} about the file's place, in the axes of the link's frame.
+        joints: {joint: (low, high) [rad, m]}, a box of poses: other joints and the base stay as in the state; points of contacts
+            move with their links, and their planes stay as in the middle of the box.
         torques: "each": each member has its own torques, as of motors that hold positions. "one": the same for all, sent
             without knowing the member; "affine": an affine function of the push, which is measured. Where a robot has joints,
             one torque cannot balance two loads unless contact forces alone can take their difference.
@@ -236,7 +243,10 @@ def hold(
     check_choice("torques", torques, TORQUES)
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
     most = check_whole("most_parts", most_parts, 100_000, least=1)
-    loads = UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops)
+    at = state if joints is None else in_the_middle(state, joints)
+    loads = UncertainLoads.of(at, contacts, pushes, friction, mass, com, loops)
+    if joints is not None:
+        loads = over_poses(loads, listed(contacts), joints, mass, com)
     return decided(loads, torques, kept, most)
 
 

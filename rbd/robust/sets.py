@@ -130,6 +130,7 @@ class Member(Displayed):
         push: {frame: force (3,), or force and moment (6,), in W [N, N m]}.
         mass: {link: [kg]}.
         com: {link: how far from the file's place, in the axes of the link's frame, shape (3,) [m]}.
+        joints: {joint: its coordinate [rad, m]}, of a box of poses.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -142,11 +143,13 @@ class Member(Displayed):
     push: Mapping[str, Array]
     mass: Mapping[str, float]
     com: Mapping[str, Array]
+    joints: Mapping[str, float]
 
     def __str__(self) -> str:
         words = [f"a push of {vector(f, 4)} at {frame}" for frame, f in self.push.items()]
         words += [f"{link} of {m:.6g} kg" for link, m in self.mass.items()]
         words += [f"the centre of mass of {link} moved by {vector(c, 4)} m" for link, c in self.com.items()]
+        words += [f"{joint} at {q:.6g}" for joint, q in self.joints.items()]
         return joined(words, 3) or "the robot as it is"
 
 

@@ -48,7 +48,8 @@ class UncertainLoads:
         columns: D of each uncertain number, shape (n, nv) [N, N m].
         names: What each is: "mass of trunk", "x of the centre of mass of trunk".
         mass: What each adds to the robot's mass at t = 1, shape (n,) [kg]: zero of centres of mass.
-        links: (link, number of its column of mass or -1, middle mass [kg], half-width [kg or m]) of each.
+        links: (link, number of its column of mass or -1, middle mass [kg], half-width [kg or m]) of each; of a joint -2, its
+            middle and half-width [rad, m].
         load_radius: Bound of the rounding of a load, shape (nv,).
         forces_radius: Bound of the rounding of the generalised force of a unit contact force, shape (nv,).
         turns: {number of a column: (what it changes in `balance.per_weight`, shape (nv, p); in each corner's load, beside its
@@ -163,7 +164,7 @@ class UncertainLoads:
         """The same for a true member: of a link that is lighter than at most, moments of its centre of mass are less."""
         out = t.copy()
         for i, (_, column, middle, _) in enumerate(self.links):
-            if column not in (-1, i):
+            if column not in (-2, -1, i):
                 half = self.links[column][3]
                 out[i] *= (middle + t[column] * half) / (middle + half) * (1.0 - 2.0**-50)
         return out
@@ -177,11 +178,12 @@ class UncertainLoads:
             if column == i:
                 mass[link] = middle + float(t[i]) * half
         for i, (link, column, middle, width) in enumerate(self.links):
-            if column != i:
+            if column not in (-2, i):
                 full = middle + (self.links[column][3] if column >= 0 else 0.0)
                 now = middle + (float(t[column]) * self.links[column][3] if column >= 0 else 0.0)
                 com.setdefault(link, np.zeros(3))["xyz".index(self.names[i][0])] = float(t[i]) * width * full / now
-        return Member(pushed, mass, com)
+        joints = {name: q + float(t[i]) * r for i, (name, column, q, r) in enumerate(self.links) if column == -2}
+        return Member(pushed, mass, com, joints)
 
     def with_corners(self, corners: Array, components: Array, columns: Array | None = None) -> UncertainLoads:
         """The same with other loads."""
