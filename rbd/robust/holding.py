@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, ClassVar
@@ -21,7 +22,7 @@ from rbd.model.state import State
 from rbd.records import Field, counted, joined, vector
 from rbd.robust import verifier
 from rbd.robust.pose_bounds import Boxed
-from rbd.robust.poses import in_the_middle, over_poses
+from rbd.robust.poses import in_the_middle, over_poses, posed
 from rbd.robust.proofs import Prover, claimed, document_of, text
 from rbd.robust.sets import Boxes, Masses, Member
 from rbd.robust.uncertain_loads import UncertainLoads
@@ -212,8 +213,8 @@ def hold(
         mass: {link: (low, high) [kg], or a share as 0.05 for +-5 %}, or a share of all links. A link counts with all that is
             fixed to it.
         com: {link: half-width, or three of them, of a box [m]} about the file's place, in the axes of the link's frame.
-        joints: {joint: (low, high) [rad, m]}, a box of poses: other joints and the base stay as in the state; points of contacts
-            move with their links, and their planes stay as in the middle of the box.
+        joints: {joint: (low, high) [rad, m]}, a box of poses: other joints and the base stay as in the state; points of
+            contacts move with their links, and their planes stay as in the middle of the box.
         torques: "each": each member has its own torques, as of motors that hold positions. "one": the same for all, sent
             without knowing the member; "affine": an affine function of the push, which is measured. Where a robot has joints,
             one torque cannot balance two loads unless contact forces alone can take their difference.
@@ -243,11 +244,24 @@ def hold(
     check_choice("torques", torques, TORQUES)
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
     most = check_whole("most_parts", most_parts, 100_000, least=1)
-    at = state if joints is None else in_the_middle(state, joints)
-    loads = UncertainLoads.of(at, contacts, pushes, friction, mass, com, loops)
-    if joints is not None:
-        loads = over_poses(loads, listed(contacts), joints, mass, com)
-    return decided(loads, torques, kept, most)
+    if joints is None:
+        return decided(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques, kept, most)
+    middle = in_the_middle(state, joints)
+    loads = UncertainLoads.of(middle, contacts, pushes, friction, mass, com, loops)
+    over = over_poses(loads, listed(contacts), joints, mass, com)
+    try:
+        return decided(over, torques, kept, 1)
+    except NoSolution:  # at one pose bounds over the box are not in the way of a proof
+        n = len(over.columns)
+        prover = Prover(over, "each")
+        found, _ = prover.witness(-np.ones(n), np.ones(n), kept)
+        corner, t, _ = prover.worst(found, -np.ones(n), np.ones(n), kept)
+        where = over.member(corner, t).joints
+        there = UncertainLoads.of(posed(state, where), contacts, pushes, friction, mass, com, loops)
+        with suppress(NoSolution):
+            if isinstance(alone := decided(there, torques, kept, 1), Counterexample):
+                return replace(alone, members=tuple([replace(member, joints=where) for member in alone.members]))
+    return decided(over, torques, kept, most)
 
 
 def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int) -> RobustHold | Counterexample:

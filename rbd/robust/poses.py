@@ -1,8 +1,8 @@
 """Sets of loads over a box of poses: each joint of the box is an uncertain number, which changes loads and what forces do.
 
 `rbd.robust.pose_bounds` has gravity g(q), Jacobians of contact points and of pushed points as middle + sum of d_i slopes + what
-is of second order, bounded. Slopes become columns and `turns` of the loads, the rest their rounding bounds. The planes of contacts
-stay as they are in the middle of the box, and their points move with their links; the base stays.
+is of second order, bounded. Slopes become columns and `turns` of the loads, the rest their rounding bounds. The planes of
+contacts stay as they are in the middle of the box, and their points move with their links; the base stays.
 """
 
 from __future__ import annotations
@@ -28,9 +28,15 @@ _AGREES = 1e-9
 def in_the_middle(state: State, joints: Boxed) -> State:
     """The state with the joints of a box in the middle of their intervals."""
     bounds = bounds_over_poses(state, joints)  # refuses what is none
+    return posed(state, dict(zip(bounds.joints, bounds.middle.tolist(), strict=True)))
+
+
+def posed(state: State, joints: Mapping[str, float]) -> State:
+    """The state at rest with some joints elsewhere [rad, m]; a joint without end has two coordinates."""
     q = state.q.copy()
-    for name, middle in zip(bounds.joints, bounds.middle, strict=True):
-        q[state.robot.model.joints[state.robot.joint_id(name)].idx_q] = middle
+    for name, value in joints.items():
+        joint = state.robot.model.joints[state.robot.joint_id(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else (np.cos(value), np.sin(value))
     return State(state.robot, q)
 
 
