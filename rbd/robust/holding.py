@@ -276,7 +276,7 @@ def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int)
     if search.against is not None:
         return counterexample(prover, search.against, margin)
     assert proof is not None
-    slack, left = prover.slack(proof)
+    slack, left = min(search.shown)[0], max(each[1] for each in search.shown)
     shown = claimed(slack)
     claim = {"says": "held", "torques": torques, "margin": text(shown), "balance": text(left)}
     torque = np.array([float(Fraction(x)) for x in proof.get("torque", [])])
@@ -321,6 +321,7 @@ class _Search:
     def __init__(self, prover: Prover, margin: float, most: int) -> None:
         self.prover, self.margin, self.most, self.parts = prover, margin, most, 1
         self.against: dict[str, Any] | None = None
+        self.shown: list[tuple[Fraction, Fraction]] = []
 
     def over(self, low: Array, high: Array) -> dict[str, Any] | None:
         """The proof over a box of numbers t; None where a member was found that cannot be held.
@@ -333,6 +334,7 @@ class _Search:
         if proof is not None:
             slack, left = self._shown(proof, low, high)
             if slack >= Fraction(self.margin) and left <= Fraction(_ALLOWED * unit):
+                self.shown.append((slack, left))
                 return proof
         self.against = self.prover.refuted(found, low, high, self.margin)
         if self.against is not None:

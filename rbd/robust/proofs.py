@@ -136,10 +136,6 @@ class Prover:
             proof |= {"torque": text(np.round(found.torque / step) * step), "gain": text(found.gain)}
         return proof
 
-    def slack(self, proof: Mapping[str, Any]) -> tuple[Fraction, Fraction]:
-        """(margin, imbalance) that a proof shows, exactly."""
-        return verifier.held(self.exact_data, proof, self.torques)
-
     def refuted(self, found: Held, low: Array, high: Array, margin: float) -> dict[str, Any] | None:
         """A proof that members of a box cannot be held with a margin; None where none is found."""
         return self._refuted_alone(found, low, high, margin) if self.torques == "each" else self._refuted_together(margin)
