@@ -23,7 +23,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import area_of, clipped, convex_hull
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.model.world import along_gravity
 from rbd.records import Field
 from rbd.robust.holding import Counterexample, RobustHold, counterexample, decided
@@ -153,7 +153,7 @@ def region(
     """
     most = check_whole("most_directions", most_directions, 1000, least=4)
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
-    bases = state.robot.bases
+    bases = checked(state).robot.bases
     if len(bases) != 1 or state.robot.model.joints[bases[0]].nv != 6:
         raise InputError(
             f"{state.robot.name} has {len(bases)} bases; expected one that floats, so that its centre of mass can move."

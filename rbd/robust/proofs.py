@@ -306,10 +306,12 @@ def worst_along(
             found = largest(L, L.load(int(v), t)[None], nothing, margin=margin, ways=ways, free=free, at_most=most)
             if best is None or found.value < best[2].value:
                 best = int(v), t, found
+            if not np.isfinite(found.value):
+                break
             slopes = L.columns + found.value * along_columns + found.aside * beside_columns
-            turned = np.sign(np.nan_to_num(found.velocities[0]) @ np.nan_to_num(slopes).T)
+            turned = np.sign(found.velocities[0] @ slopes.T)
             turned = np.where(turned == 0.0, signs, turned)
-            if (turned == signs).all() or not np.isfinite(found.value):
+            if (turned == signs).all():
                 break
             signs = turned
     assert best is not None

@@ -21,6 +21,8 @@ from rbd.statics.force_balance import place
 
 Masses = float | Mapping[str, float | Sequence[float]] | None
 Boxes = Mapping[str, float | Sequence[float]] | None
+_LEAST_FRICTION = 1e-6
+"""Of sets with friction; and one over the largest."""
 _LARGEST = 1e9
 """Of a push [N, N m] or a mass [kg]."""
 
@@ -136,8 +138,8 @@ class Member(Displayed):
         >>> box = rbd.testing.box(mass=10.0)
         >>> sole = rbd.SurfaceContact("base", "box", half_lengths=(0.2, 0.2), friction=0.5)
         >>> state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
-        >>> print(rbd.robust.hold(state, [sole], mass={"box": 0.1}, com={"box": (0.3, 0, 0)}).members[0].mass)
-        {'box': 11.0}
+        >>> print(rbd.robust.hold(state, [sole], pushes={"box": [(60, 0, 0)]}, mass={"box": 0.1}).members[0].mass)
+        {'box': 9.0}
     """
 
     push: Mapping[str, Array]
@@ -186,7 +188,10 @@ def with_least_friction(contacts: Sequence[Constraint], friction: float | Mappin
     for name, mu in by_name.items():
         check_known("friction", name, able)
         check_friction(mu, 4)
-    return [c.with_friction(by_name[c.name]) if c.name in by_name else c for c in given]  # type: ignore[attr-defined]
+        if not (mu == 0.0 or _LEAST_FRICTION <= mu <= 1.0 / _LEAST_FRICTION):
+            raise InputError(f"friction of {name!r:.80} is {mu!r:.40}; expected 0, or from {_LEAST_FRICTION:g} on.")
+    rough = [has_friction(c) and c.name in by_name for c in given]
+    return [c.with_friction(by_name[c.name]) if one else c for c, one in zip(given, rough, strict=True)]  # type: ignore[attr-defined]
 
 
 def _joint_of(robot: CheckedModel, link: str, what: str) -> int:
@@ -222,9 +227,9 @@ def masses_of(robot: CheckedModel, mass: Masses) -> dict[int, tuple[str, float, 
     for link, value in mass.items():
         joint = _joint_of(robot, link, "mass")
         own = float(model.inertias[joint].mass)
-        if np.ndim(value) == 0:
+        if isinstance(value, float | int | np.number):
             expected = "a share from 0 to 1, as 0.05 for +-5 %, or (low, high) [kg]"
-            share = check_number(f"mass of {link}", value, 0.0, 1.0, expected=expected)  # type: ignore[arg-type]
+            share = check_number(f"mass of {link}", value, 0.0, 1.0, expected=expected)
             low, high = own * (1.0 - share), own * (1.0 + share)
         else:
             given = as_array(f"mass of {link}", value)
@@ -249,7 +254,11 @@ def boxes_of(robot: CheckedModel, com: Boxes) -> dict[int, tuple[str, Array]]:
     found = dict[int, tuple[str, Array]]()
     check_kind("com", com, Mapping | None, "{link: half-width [m], or three of them in the link's axes}")
     for link, value in (com or {}).items():
-        widths = np.full(3, float(as_array("com", value))) if np.ndim(value) == 0 else as_vector3(f"com of {link}", value)  # type: ignore[arg-type]
+        widths = (
+            np.full(3, float(as_array("com", value)))
+            if isinstance(value, float | int | np.number)
+            else as_vector3(f"com of {link}", value)
+        )
         if not is_finite(widths) or widths.min() < 0.0 or widths.max() > 100.0:
             raise InputError(f"com of {link!r:.80} is {value!r:.80}; expected half-widths of its box, from 0 to 100 m.")
         joint = _joint_of(robot, link, "com")

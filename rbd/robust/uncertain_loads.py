@@ -172,7 +172,9 @@ class UncertainLoads:
     def member(self, corner: int, t: Array) -> Member:
         """What a member is in words of the user."""
         split = np.cumsum([0, *[np.asarray(s.corners).shape[1] for s in self.pushes]])
-        pushed = {s.frame: self.components[corner][a:b] for s, a, b in zip(self.pushes, split[:-1], split[1:], strict=True)}
+        pushed = dict[str, Array]()
+        for s, a, b in zip(self.pushes, split[:-1], split[1:], strict=True):
+            pushed[s.frame if s.frame not in pushed else f"{s.frame}, {len(pushed) + 1}"] = self.components[corner][a:b]
         mass, com = dict[str, float](), dict[str, Array]()
         for i, (link, column, middle, half) in enumerate(self.links):
             if column == i:
@@ -181,7 +183,8 @@ class UncertainLoads:
             if column not in (-2, i):
                 full = middle + (self.links[column][3] if column >= 0 else 0.0)
                 now = middle + (float(t[column]) * self.links[column][3] if column >= 0 else 0.0)
-                com.setdefault(link, np.zeros(3))["xyz".index(self.names[i][0])] = float(t[i]) * width * full / now
+                moved = float(t[i]) * width * full / now if now > 0.0 else 0.0
+                com.setdefault(link, np.zeros(3))["xyz".index(self.names[i][0])] = moved
         joints = {name: q + float(t[i]) * r for i, (name, column, q, r) in enumerate(self.links) if column == -2}
         return Member(pushed, mass, com, joints)
 
