@@ -54,6 +54,15 @@ def errors(*asks: Callable[[], object]) -> Iterator[BaseException]:
             raise AssertionError("the question has an answer")
 
 
+def robust_answers(box: rbd.Robot) -> Iterator[object]:
+    """Proofs over sets, and what refutes them."""
+    state, base = box.at(), [rbd.SurfaceContact("base", "box", half_lengths=(0.2, 0.2), friction=0.5)]
+    pushes = rbd.robust.PushSet("box", [(0, 0, 0), (60, 0, 0)])
+    refuted = rbd.robust.hold(state, base, pushes=pushes, mass={"box": 0.1})
+    yield from (pushes, refuted, refuted.members[0], rbd.robust.hold(state, base, mass={"box": 0.1}))
+    yield from (rbd.robust.push_limits(state, base, "box", (1, 0, 0)), rbd.robust.region(state, base))
+
+
 def contact_answers() -> Iterator[object]:
     """States, torques, answers, errors, derivatives of robots in contact."""
     talos = rbd.load_robot("talos")
@@ -74,6 +83,7 @@ def contact_answers() -> Iterator[object]:
     regions = [rbd.statics.support_region(state, soles, torque_limits=True), rbd.statics.zmp_region(state, soles)]
     yield from (*regions, rbd.statics.wrench_cone(state, soles), rbd.statics.support_region(state, soles[:1]))
     yield rbd.statics.push_limits(state, soles, "torso_2_link", np.eye(3))
+    yield from robust_answers(box)
     assert all(map(str, regions))
     yield from (rbd.KKT(), rbd.solve(state, held.tau, talos.soles(friction=None), solver=rbd.KKT()))
     yield rbd.KKT().solve(rbd.gauss_problem(state, held.tau, talos.soles(friction=None)))
@@ -346,6 +356,7 @@ PUBLIC += (
     "rbd.answers.analysis",
     "rbd.robots",
     "rbd.studies",
+    "rbd.robust",
     "rbd.statics",
     "rbd.motion",
     "rbd.constraints.forces",

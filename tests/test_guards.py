@@ -803,6 +803,36 @@ CASES: dict[str, Case] = {
         | {"friction": "inscribed", "margin": 0.1},
         30,
     ),
+    "robust.hold": Case(
+        lambda **given: rbd.robust.hold(**given).margin,
+        {"state": BOX.at(), "contacts": FLOOR, "pushes": {"box": np.eye(3)}, "friction": 0.3, "mass": {"box": 0.1}}
+        | {"com": {"box": 0.01}, "joints": None, "torques": "each", "margin": 0.1, "loops": True, "most_parts": 2},
+        10,
+    ),
+    "robust.PushSet": Case(
+        lambda **given: np.asarray(rbd.robust.PushSet(**given).corners),
+        {"frame": "box", "corners": np.eye(3), "offset": np.zeros(3)},
+        10,
+    ),
+    "robust.push_limits": Case(
+        lambda **given: rbd.robust.push_limits(**given).inner,
+        {
+            "state": BOX.at(),
+            "contacts": FLOOR,
+            "frame": "box",
+            "directions": np.eye(3)[:1],
+            "offset": np.zeros(3),
+            "at_most": 50.0,
+        }
+        | {"friction": 0.3, "mass": 0.1, "com": {"box": 0.01}, "margin": 0.1},
+        10,
+    ),
+    "robust.region": Case(
+        lambda **given: rbd.robust.region(**given).area,
+        {"state": BOX.at(), "contacts": FLOOR, "pushes": {"box": np.eye(3)[:1]}, "friction": 0.3, "mass": 0.1, "com": None}
+        | {"margin": 0.1, "most_directions": 5},
+        5,
+    ),
     "visual.plot_region": Case(
         lambda ax, region, labels: len(plot_region(ax, region, labels=labels)),
         {"ax": Figure().subplots(), "region": REGION, "labels": ["where it stands"]},
@@ -1757,6 +1787,11 @@ MADE_BY_RBD = {
     "Derivatives",
     "ContactWrenchCone",
     "PushLimits",
+    "RobustHold",
+    "Counterexample",
+    "Member",
+    "RobustPushLimits",
+    "RobustRegion",
     "CaptureRegion",
     "SupportRegion",
     "ZmpRegion",
@@ -1998,6 +2033,7 @@ def public() -> Iterator[str]:
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
     rooms += [("small_motion.", rbd.mechanism.small_motion, rbd.mechanism.small_motion.__all__)]
     rooms += [("identification.", rbd.motion.identification, rbd.motion.identification.__all__)]
+    rooms += [("robust.", rbd.robust, rbd.robust.__all__)]
     rooms += [("bench.", rbd.audits.bench, rbd.audits.bench.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]

@@ -50,6 +50,7 @@ from rbd.cli.terminal import (
     timed,
     write_outputs,
 )
+from rbd.cli.verify_command import verify
 from rbd.cli.walk_command import walk
 from rbd.errors import InputError, ModelWarning
 from rbd.installation import VERSION
@@ -82,6 +83,7 @@ app.command()(region)
 app.command()(check)
 app.command()(walk)
 app.command()(audit)
+app.command()(verify)
 
 
 @app.command()

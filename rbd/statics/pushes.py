@@ -232,7 +232,7 @@ def push_limits(
         17.17 N
     """
     most = check_positive("at_most", at_most, 1e9)
-    at, ways = place("offset", offset), _unit_directions(directions)
+    at, ways = place("offset", offset), unit_directions(directions)
     loads = standing_loads(state, contacts, friction, margin, loops)
     search = _PushSearch(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
     search.run()
@@ -410,7 +410,12 @@ def _point_jacobian(state: State, frame: str, offset: Array) -> Array:
     return np.asarray(state.frame(frame, offset).J[:3])
 
 
-def _unit_directions(directions: Sequence[Sequence[float]] | Sequence[float] | Array) -> Array:
+def unit_directions(directions: Sequence[Sequence[float]] | Sequence[float] | Array) -> Array:
+    """The directions with length one, shape (k, 3).
+
+    Raises:
+        InputError: what are none, or have no length.
+    """
     given = np.atleast_2d(as_array("directions", directions))
     if given.ndim != 2 or given.shape[1] != 3 or not 0 < len(given) <= MOST_DIRECTIONS:
         raise InputError(f"directions have shape {given.shape}; expected (k, 3), 1 to {MOST_DIRECTIONS:,} of them, in W.")

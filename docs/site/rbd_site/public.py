@@ -16,7 +16,7 @@ PACKAGES = tuple(
     f"rbd.{name}"
     for name in (
         *("dynamics", "constraints", "constraints.forces", "problem", "solvers", "answers.analysis", "answers.many"),
-        *("robots", "model", "statics", "centroid", "control", "mechanism", "mechanism.small_motion", "simulation"),
+        *("robots", "model", "statics", "robust", "centroid", "control", "mechanism", "mechanism.small_motion", "simulation"),
         *("planning", "worlds", "audits", "audits.bench", "motion", "motion.identification", "studies", "planar", "visual"),
         *("envs", "testing", "errors"),
     )

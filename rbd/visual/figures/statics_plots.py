@@ -14,6 +14,8 @@ from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.model.state import State
 from rbd.model.world import LEAST_FALL, along_gravity, is_along_z
+from rbd.robust.places import RobustRegion
+from rbd.robust.pushed import RobustPushLimits
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
@@ -32,7 +34,7 @@ _ROOM = 0.15
 """Room around what is drawn, as a share of its size."""
 
 
-def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[str] = ()) -> list[Artist]:
+def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion | RobustRegion, labels: Sequence[str] = ()) -> list[Artist]:
     """Draw regions from above, over their contacts, with the centre of mass.
 
     Each region is an area with its edge; where its outer polygon is larger, that is dashed. One without end is cut off at the
@@ -40,7 +42,7 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
 
     Args:
         ax: Matplotlib axes.
-        regions: Of `support_region` or `zmp_region`, of one robot.
+        regions: Of `support_region`, `zmp_region` or `rbd.robust.region`, of one robot.
         labels: Their names in the legend; what they are if not given.
 
     Returns:
@@ -58,8 +60,8 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
         ['four feet', 'front_left', 'front_right', 'hind_left', 'hind_right', 'centre of mass']
     """
     an_axis(ax)
-    if not regions or not all(isinstance(r, SupportRegion | ZmpRegion) for r in regions):
-        raise InputError(f"regions are {regions!r:.80}; expected what support_region or zmp_region returns.")
+    if not regions or not all(isinstance(r, SupportRegion | ZmpRegion | RobustRegion) for r in regions):
+        raise InputError(f"regions are {regions!r:.80}; expected what support_region, zmp_region or rbd.robust.region returns.")
     if not isinstance(labels, list | tuple) or len(labels) not in (0, len(regions)):
         raise InputError(f"labels are {labels!r:.80}; expected a name for each of {len(regions)} regions, or none.")
     drawn: list[Artist] = []
@@ -120,14 +122,15 @@ def plot_capture(ax: Axes, region: CaptureRegion) -> list[Artist]:
     return drawn
 
 
-def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
+def plot_pushes(ax: Axes, limits: PushLimits | RobustPushLimits) -> list[Artist]:
     """Draw the largest pushes from above: a dot at the tip of each, coloured by what gives way, joined where they go round.
 
     Of a robot that is not held without a push, a line along each direction from the smallest push that holds it to the largest.
+    Of a set of robots, what every member withstands as an area, and what one does not withstand dashed.
 
     Args:
         ax: Matplotlib axes.
-        limits: Of `push_limits`; directions that are not level are drawn by their level part.
+        limits: Of `push_limits`, that of `rbd.robust` too; directions that are not level are drawn by their level part.
 
     Returns:
         What was drawn: the curve through the tips, or the lines; then the dots, one artist a kind of limit.
@@ -145,8 +148,10 @@ def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
         'push at base_link along x [N]'
     """
     an_axis(ax)
+    if isinstance(limits, RobustPushLimits):
+        return _both_outlines(ax, limits)
     if not isinstance(limits, PushLimits):
-        raise InputError(f"limits are {limits!r:.80}; expected what rbd.statics.push_limits returns.")
+        raise InputError(f"limits are {limits!r:.80}; expected what rbd.statics.push_limits or rbd.robust.push_limits returns.")
     tips = limits.directions[:, :2] * limits.forces[:, None]
     order = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
     drawn: list[Artist] = []
@@ -162,6 +167,19 @@ def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
             drawn += ax.plot(of[:, 0], of[:, 1], "o", color=color, ms=5.0, mec="white", mew=0.6, label=label, zorder=2)
     ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
     _plane(ax, f"push at {limits.frame} along x [N]", "along y [N]", legend="limit reached first")
+    return drawn
+
+
+def _both_outlines(ax: Axes, limits: RobustPushLimits) -> list[Artist]:
+    """The pushes that every member withstands, and dashed those beyond which one does not."""
+    order = np.argsort(np.arctan2(limits.directions[:, 1], limits.directions[:, 0]), kind="stable")
+    inner, outer = (_closed((limits.directions[:, :2] * size[:, None])[order]) for size in (limits.inner, limits.outer))
+    drawn: list[Artist] = []
+    drawn += ax.fill(*inner, color=PUSH_COLOR, alpha=0.18, lw=0.0)
+    drawn += ax.plot(*inner, "-", color=PUSH_COLOR, lw=1.8, label="every member withstands")
+    drawn += ax.plot(*outer, "--", color=PUSH_COLOR, lw=0.9, label="a member does not, beyond")
+    ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
+    _plane(ax, f"push at {limits.frame} along x [N]", "along y [N]", legend="")
     return drawn
 
 
@@ -237,7 +255,7 @@ def _contacts(ax: Axes, state: State, rows: Sequence[Rows]) -> list[Artist]:
     return drawn
 
 
-def _limits(ax: Axes, regions: Sequence[SupportRegion | ZmpRegion]) -> None:
+def _limits(ax: Axes, regions: Sequence[SupportRegion | ZmpRegion | RobustRegion]) -> None:
     """Room around contacts, centres of mass and regions that end."""
     state = regions[0].state
     points = [_seen(state, state.com)[None]]

@@ -13,6 +13,9 @@ from rbd.constraints.convex.polygons import outline
 from rbd.control.capture import CaptureRegion
 from rbd.control.walking.plan import WalkPlan
 from rbd.errors import InputError
+from rbd.robust.holding import RobustHold
+from rbd.robust.places import RobustRegion
+from rbd.robust.pushed import RobustPushLimits
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
@@ -110,7 +113,10 @@ def _around(points: Array) -> Array:
     return points[outline(points[:, :2].tolist())]
 
 
-Drawn: TypeAlias = SupportRegion | ZmpRegion | CaptureRegion | PushLimits | ContactWrenchCone | Footprints | CapturePoint
+Proved: TypeAlias = RobustHold | RobustRegion | RobustPushLimits
+Drawn: TypeAlias = (
+    SupportRegion | ZmpRegion | CaptureRegion | PushLimits | ContactWrenchCone | Footprints | CapturePoint | Proved
+)
 _FARTHEST = 2.0
 """Regions are cut so far from the centre of mass, in sizes of the robot."""
 
@@ -129,21 +135,26 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
     out: list[Mark] = []
     for i, one in enumerate(drawn):
         at = f"statics/{i}"
-        if isinstance(one, SupportRegion):
+        if isinstance(one, SupportRegion | RobustRegion):
             heights = [r.patch.corners_W[:, 2].min() for r in one.loads.rows if r.patch is not None and len(r.patch.corners)]
             corners = one.corners_at(min(heights, default=0.0))
             out += _area(at, corners, name_and_color(one)[1], i, sizes, one.state.com)
+            if isinstance(one, RobustRegion) and len(one.outer):
+                out.append(_outer(at, one.outer_at(min(heights, default=0.0)), name_and_color(one)[1], sizes))
         elif isinstance(one, ZmpRegion):
             out += _area(at, one.vertices, name_and_color(one)[1], i, sizes, one.state.com)
         elif isinstance(one, CaptureRegion):
             inner, outer = (np.insert(p, 2, one.state.com[2] - one.height, axis=1) for p in (one.inner, one.outer))
             out += _area(at, inner, name_and_color(one)[1], i, sizes, one.state.com)
-            edge = primitives.line(outer + [0.0, 0.0, sizes.lift], radius=0.7 * sizes.line, closed=True)
-            out.append(Mark(f"{at}/outer", (edge,), name_and_color(one)[1], 0.6))
+            out.append(_outer(at, outer, name_and_color(one)[1], sizes))
         elif isinstance(one, CapturePoint):
             out.append(_capture_point(at, one, sizes))
         elif isinstance(one, PushLimits):
             out += _pushes(at, one, sizes)
+        elif isinstance(one, RobustPushLimits):
+            out += _robust_pushes(at, one, sizes)
+        elif isinstance(one, RobustHold):
+            out += _push_sets(at, one, sizes)
         elif isinstance(one, ContactWrenchCone):
             out += _cone(at, one, sizes)
         elif isinstance(one, Footprints):
@@ -170,7 +181,7 @@ def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
             most = f"; the largest is {number(float(np.nanmax(one.forces)))} N"
             reach_N = reach / sizes.metres_per_newton
             out.append(f"Double arrowhead: largest pushes not drawn to full length ({reach_N:.4g} N{most}).")
-        elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
+        elif isinstance(one, SupportRegion | ZmpRegion | RobustRegion) and len(one.vertices):
             if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
                 out.append(f"The {name_and_color(one)[0].split(',')[0]} is cut {number(reach)} m from the centre of mass.")
     return out
@@ -191,6 +202,12 @@ def name_and_color(one: Drawn) -> tuple[str, str]:
         return "capture region" + ("" if one.area else ", empty"), SUPPORT_COLOR
     if isinstance(one, PushLimits):
         return "largest pushes", LIMIT_COLORS["edge"][0]
+    if isinstance(one, RobustPushLimits):
+        return "pushes that every member withstands", PUSH_COLOR
+    if isinstance(one, RobustHold):
+        return "pushes that are proved to be held", PUSH_COLOR
+    if isinstance(one, RobustRegion):
+        return "region of every member" + (", empty" if one.empty else ""), LIMITED_COLOR
     if isinstance(one, ContactWrenchCone):
         return "forces through the point", WRENCH_COLOR
     name, color = ("zero-moment points", ZMP_COLOR) if isinstance(one, ZmpRegion) else ("support region", SUPPORT_COLOR)
@@ -210,6 +227,66 @@ def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: A
     if len(corners) > 2:
         marks.append(Mark(f"{at}/area", (primitives.polygon(corners),), color, 0.22))
     return marks
+
+
+def _outer(at: str, corners: Array, color: str, sizes: Sizes) -> Mark:
+    """The line of an outer polygon."""
+    edge = primitives.line(corners + [0.0, 0.0, sizes.lift], radius=0.7 * sizes.line, closed=True)
+    return Mark(f"{at}/outer", (edge,), color, 0.6)
+
+
+def _robust_pushes(at: str, limits: RobustPushLimits, sizes: Sizes) -> list[Mark]:
+    """The pushes that all members withstand as arrows, and lines round them and round the outer ends."""
+    reach, color = _FARTHEST * sizes.body, name_and_color(limits)[1]
+    inner, outer = (
+        limits.directions * np.minimum(sizes.metres_per_newton * size, reach)[:, None] for size in (limits.inner, limits.outer)
+    )
+    arrows = [primitives.arrow(limits.point, way, radius=0.3 * sizes.shaft, longest=reach) for way in inner if way.any()]
+    marks = [Mark(f"{at}/arrows", arrows, color, seen_through=True)] if arrows else []
+    if len(inner) > 2 and rank_of(limits.directions) == 2:
+        U = np.linalg.svd(limits.directions)[2][:2]
+        order = np.argsort(np.arctan2(*(U @ limits.directions.T)[::-1]), kind="stable")
+        for name, tips, share in (("around", inner, 1.0), ("outer", outer, 0.6)):
+            line = primitives.line(limits.point + tips[order], radius=share * sizes.line, closed=True)
+            marks.append(Mark(f"{at}/{name}", (line,), color, share, seen_through=True))
+    return marks
+
+
+def _push_sets(at: str, held: RobustHold, sizes: Sizes) -> list[Mark]:
+    """The forces of each set of pushes from its point: the edges and faces of their hull, moments left out."""
+    lines, faces = list[Any](), list[Any]()
+    for each in held.loads.pushes:
+        point = np.array(held.loads.state.frame(each.frame, each.offset).X_WF.translation)
+        forces = np.unique(np.asarray(each.corners)[:, :3], axis=0) * sizes.metres_per_newton
+        length = np.maximum(np.linalg.norm(forces, axis=1), 1e-12)
+        tips = point + forces * np.minimum(1.0, _FARTHEST * sizes.body / length)[:, None]
+        flat, edges = hull_of(tips)
+        lines += [primitives.line(tips[list(edge)], radius=sizes.line) for edge in edges]
+        faces += [primitives.polygon(tips[list(face)]) for face in flat]
+    marks = [Mark(f"{at}/edge", lines, PUSH_COLOR, seen_through=True)] if lines else []
+    return [*marks, Mark(f"{at}/area", faces, PUSH_COLOR, 0.2, seen_through=True)] if faces else marks
+
+
+def hull_of(points: Array) -> tuple[list[tuple[int, ...]], list[tuple[int, int]]]:
+    """(faces, edges) of the convex hull of points in space, flat ones and lines too, by numbers of the points."""
+    off = points - points.mean(axis=0)
+    rank = rank_of(off) if len(points) > 1 else 0
+    if rank < 2:
+        ends = [int(np.argmin(off @ (points[-1] - points[0]))), int(np.argmax(off @ (points[-1] - points[0])))] if rank else []
+        return [], [(ends[0], ends[1])] if rank else []
+    if rank == 2:
+        U = np.linalg.svd(off)[2][:2]
+        around = outline((off @ U.T).tolist())
+        return [tuple(around)], list(zip(around, [*around[1:], around[0]], strict=True))
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(points)
+    beside: dict[tuple[int, int], list[Array]] = {}
+    for face, equation in zip(hull.simplices.tolist(), hull.equations, strict=True):
+        for a, b in zip(face, [*face[1:], face[0]], strict=True):
+            beside.setdefault((min(a, b), max(a, b)), []).append(equation[:3])
+    edges = [edge for edge, (one, *more) in beside.items() if not more or one @ more[0] < 1.0 - 1e-9]
+    return [tuple(face) for face in hull.simplices.tolist()], edges
 
 
 def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:

@@ -1,0 +1,366 @@
+"""`hold`: a proof that every member of a set can be held at a pose, or a member that cannot, with the proof of that."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rbd.arrays import Array, check_number, check_whole
+from rbd.constraints.constraint import Constraint, listed
+from rbd.displayed import Displayed
+from rbd.errors import NoSolution
+from rbd.errors.inputs import check_choice
+from rbd.model.output_files import write_text
+from rbd.model.state import State
+from rbd.records import Field, counted, joined, vector
+from rbd.robust import verifier
+from rbd.robust.pose_bounds import Boxed
+from rbd.robust.poses import in_the_middle, over_poses, posed
+from rbd.robust.proofs import Prover, claimed, document_of, text
+from rbd.robust.sets import Boxes, Masses, Member
+from rbd.robust.uncertain_loads import UncertainLoads
+
+TORQUES = ("each", "one", "affine")
+_ALLOWED = 1e-6
+"""Largest imbalance of one torque, or of an affine law, over the robot's weight: beyond it nothing is claimed."""
+
+
+class _Certified:
+    """What both answers have: a certificate that can be kept and checked."""
+
+    loads: UncertainLoads
+    document: Mapping[str, Any]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the certificate, for `rbd verify` or `rbd/robust/verifier.py`; returns its path.
+
+        Args:
+            path: Of a JSON file.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        file = Path(path)
+        write_text(file, json.dumps(self.document, indent=None, separators=(",", ":")) + "\n")
+        return file
+
+    def verify(self) -> bool:
+        """Whether the verifier agrees, in exact arithmetic."""
+        return verifier.verify(self.document)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class RobustHold(_Certified, Displayed):
+    """A proof that every member of a set can be held at a pose.
+
+    Attributes:
+        loads: The set of loads.
+        torques: "each": torques of each member; "one": the same of all; "affine": an affine function of the push.
+        margin: Every member is held so far from each limit: of friction, |f_t| + margin <= mu f_n at each point [N]; of
+            torques, and of other bounds of forces, their distance to the limit [N, N m].
+        balance: What is left of one torque, or an affine law, in each row with a motor, at most; 0 of torques of each [N, N m].
+        torque: Of "one" and "affine" without a push, shape (nu,) [N, N m]; none of "each".
+        gain: Of "affine", torques of a unit push, shape (nu, d).
+        parts: Into how many parts the set was split.
+        document: The certificate, as a file has it.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> push = rbd.robust.PushSet.box("base_link", (-2, -2, 0), (2, 2, 0))
+        >>> held = rbd.robust.hold(solo.standing(), solo.feet(friction=0.7), pushes=push, friction=0.5, mass=0.05)
+        >>> held.proved, round(held.margin, 3), held.verify()
+        (True, 2.205, True)
+    """
+
+    loads: UncertainLoads
+    torques: str
+    margin: float
+    balance: float
+    torque: Array
+    gain: Array
+    parts: int
+    document: Mapping[str, Any]
+    proved: ClassVar[bool] = True
+
+    @property
+    def forces(self) -> Array:
+        """Weights of the proof at the corners of the pushes and the middle of all else, shape (k, p) [N]; of its first part."""
+        part = self.document["proof"]
+        while "split" in part:
+            part = part["below"]
+        return np.array([[float(Fraction(x)) for x in row] for row in part["forces"]])
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("proved", (), "", "whether every member can be held: it can"),
+        Field("margin", (), "N, N m", "distance of every member from each limit", certificate=True),
+        Field("balance", (), "N, N m", "what one torque or an affine law leaves, at most"),
+        Field("parts", (), "", "into how many parts the set was split"),
+    )
+
+    def __str__(self) -> str:
+        return (
+            f"held: every member of {set_words(self.loads)}, with {self.margin:.4g} N, N m to each limit, torques of "
+            f"{'each member' if self.torques == 'each' else 'one for all' if self.torques == 'one' else 'a law of the push'}; "
+            f"{counted(self.parts, 'part')}."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Counterexample(_Certified, Displayed):
+    """Members of a set that cannot be held at a pose, with the proof: one, or several that no shared torque holds.
+
+    Attributes:
+        loads: The set of loads.
+        torques: As asked for.
+        margin: What was to be kept [N, N m].
+        members: The member; of torques that are shared, those that cannot be held together.
+        velocities: Virtual velocity of each, shape (k, nv), that proves it: the members' loads do more work along them than
+            contact forces and torques can. The largest entry is one.
+        reach: The proof holds for forces up to this [N].
+        gap: By how much the work is more [W].
+        document: The certificate, as a file has it.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> sole = rbd.SurfaceContact("base", "box", half_lengths=(0.2, 0.2), friction=0.5)
+        >>> state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
+        >>> found = rbd.robust.hold(state, [sole], pushes={"box": [(0, 0, 0), (60, 0, 0)]}, mass={"box": 0.1})
+        >>> found.proved, found.members[0].push["box"], found.verify()
+        (False, array([60.,  0.,  0.]), True)
+    """
+
+    loads: UncertainLoads
+    torques: str
+    margin: float
+    members: tuple[Member, ...]
+    velocities: Array
+    reach: float
+    gap: float
+    document: Mapping[str, Any]
+    proved: ClassVar[bool] = False
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("proved", (), "", "whether every member can be held: one, or some together, cannot"),
+        Field("margin", (), "N, N m", "what was to be kept"),
+        Field("members", (), "", "what cannot be held, in words", lambda x: [str(member) for member in x.members]),
+        Field("gap", (), "W", "by how much the work of the load is more than forces and torques can do", certificate=True),
+        Field("reach", (), "N", "the proof holds for forces up to this"),
+    )
+
+    def __str__(self) -> str:
+        kept = f" with {self.margin:g} N, N m to each limit" if self.margin else ""
+        if len(self.members) == 1:
+            return f"cannot be held{kept}: {self.members[0]}."
+        what = "one torque" if self.torques == "one" else "torques that are affine in the push"
+        some = "; ".join(map(str, self.members[:2])) + ("; ..." if len(self.members) > 2 else "")
+        return (
+            f"no {what} hold{'s' if self.torques == 'one' else ''} these {len(self.members)} members{kept}: {some}. "
+            "torques='each' asks for torques of each member, as motors that hold positions give."
+        )
+
+
+def set_words(loads: UncertainLoads) -> str:
+    """What is uncertain, as text."""
+    words = [f"pushes at {s.frame} with {counted(len(np.asarray(s.corners)), 'corner')}" for s in loads.pushes]
+    links = list(dict.fromkeys(name.partition(" of ")[0] for name in loads.names if name.startswith("mass")))
+    count = sum(name.startswith("mass") for name in loads.names)
+    words += [counted(count, "mass", "masses")] if links else []
+    count = sum(name.startswith("joint ") for name in loads.names)
+    words += [counted(count, "joint")] if count else []
+    boxes = list(dict.fromkeys(name.split("centre of mass of ")[1] for name in loads.names if "centre of mass" in name))
+    words += [f"centre of mass of {joined(boxes, 3)}"] if boxes else []
+    return "the set (" + ", ".join([*words, "friction at least that of the contacts"]) + ")"
+
+
+def hold(
+    state: State,
+    contacts: Sequence[Constraint],
+    *,
+    pushes: object = None,
+    friction: float | Mapping[str, float] | None = None,
+    mass: Masses = None,
+    com: Boxes = None,
+    joints: Boxed | None = None,
+    torques: str = "each",
+    margin: float = 0.0,
+    loops: bool = True,
+    most_parts: int = 64,
+) -> RobustHold | Counterexample:
+    """A proof that a robot can be held at a pose whatever member of a set is true, or a member that it cannot be held with.
+
+    For every push w, mass m and centre of mass c of the set there are contact forces f and torques with
+
+        S^T tau + J^T f + J_P^T w = g(m, m c),    |f_t| + margin <= mu f_n,    least + margin <= tau <= most - margin
+
+    mu the least coefficients: with more friction the same forces are possible. The set of loads is a polytope of pushes plus
+    an affine image of a box (`rbd.robust.uncertain_loads`); the proof has forces at the corners and an affine correction for
+    masses and centres of mass, and is found by one conic program, whatever their number. That there is such a proof is
+    sufficient: where there is none the set is split, and a member that cannot be held is looked for.
+
+    Args:
+        state: The pose; v must be zero.
+        contacts: What it stands on, at least one.
+        pushes: A `rbd.robust.PushSet`, several (any of each at the same time), or {frame: corners (k, 3) or (k, 6) in W
+            [N, N m]}. Without one there is no push.
+        friction: Least coefficient of all contacts that have one, or {contact: it}; that of the contacts if not given.
+        mass: {link: (low, high) [kg], or a share as 0.05 for +-5 %}, or a share of all links. A link counts with all that is
+            fixed to it.
+        com: {link: half-width, or three of them, of a box [m]} about the file's place, in the axes of the link's frame.
+        joints: {joint: (low, high) [rad, m]}, a box of poses: other joints and the base stay as in the state; points of
+            contacts move with their links, and their planes stay as in the middle of the box.
+        torques: "each": each member has its own torques, as of motors that hold positions. "one": the same for all, sent
+            without knowing the member; "affine": an affine function of the push, which is measured. Where a robot has joints,
+            one torque cannot balance two loads unless contact forces alone can take their difference.
+        margin: Every member is to keep so far from each limit [N, and N m of torques]; what is proved may be more.
+        loops: Whether the robot's own loops hold.
+        most_parts: Into how many parts the set may be split.
+
+    Returns:
+        The proof, or members that cannot be held; `proved` says which. Both are checked in exact arithmetic before they are
+        returned, and `save` keeps them. What is neglected: that the rounding between the robot's numbers and M, J, g is within
+        its bound (a hundred operations a joint) is stated, not checked.
+
+    Raises:
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
+        InputError: sets that are empty, reversed or none.
+        UnknownName: frames, links or contacts that are not there, with the nearest names.
+        NoSolution: neither was proved; names the part that was not decided.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> sole = rbd.SurfaceContact("base", "box", half_lengths=(0.2, 0.2), friction=0.5)
+        >>> state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
+        >>> held = rbd.robust.hold(state, [sole], pushes={"box": [(0, 0, 0), (40, 0, 0)]}, mass={"box": 0.1})
+        >>> held.proved, round(4 * held.margin, 3)  # 0.5 x 9 kg x 9.81 m/s2 - 40 N, at four points
+        (True, 4.145)
+    """
+    check_choice("torques", torques, TORQUES)
+    kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
+    most = check_whole("most_parts", most_parts, 100_000, least=1)
+    if joints is None:
+        return decided(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques, kept, most)
+    middle = in_the_middle(state, joints)
+    loads = UncertainLoads.of(middle, contacts, pushes, friction, mass, com, loops)
+    over = over_poses(loads, listed(contacts), joints, mass, com)
+    try:
+        return decided(over, torques, kept, 1)
+    except NoSolution:  # at one pose bounds over the box are not in the way of a proof
+        n = len(over.columns)
+        prover = Prover(over, "each")
+        found, _ = prover.witness(-np.ones(n), np.ones(n), kept)
+        corner, t, _ = prover.worst(found, -np.ones(n), np.ones(n), kept)
+        where = over.member(corner, t).joints
+        there = UncertainLoads.of(posed(state, where), contacts, pushes, friction, mass, com, loops)
+        with suppress(NoSolution):
+            if isinstance(alone := decided(there, torques, kept, 1), Counterexample):
+                return replace(alone, members=tuple([replace(member, joints=where) for member in alone.members]))
+    return decided(over, torques, kept, most)
+
+
+def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int) -> RobustHold | Counterexample:
+    """The answer over a set of loads.
+
+    Raises:
+        NoSolution: neither was proved.
+    """
+    prover, n = Prover(loads, torques), len(loads.columns)
+    search = _Search(prover, margin, most_parts if torques == "each" else 1)
+    proof = search.over(-np.ones(n), np.ones(n))
+    if search.against is not None:
+        return counterexample(prover, search.against, margin)
+    assert proof is not None
+    slack, left = min(search.shown)[0], max(each[1] for each in search.shown)
+    shown = claimed(slack)
+    claim = {"says": "held", "torques": torques, "margin": text(shown), "balance": text(left)}
+    torque = np.array([float(Fraction(x)) for x in proof.get("torque", [])])
+    gain = np.array([[float(Fraction(x)) for x in row] for row in proof.get("gain", [])])
+    gain = gain.reshape(loads.state.robot.nu, loads.components.shape[1] if torques == "affine" else 0)
+    document = document_of(loads, _about(loads), claim, proof)
+    return RobustHold(loads, torques, float(shown), float(left), torque, gain, search.parts, document)
+
+
+def counterexample(prover: Prover, against: Mapping[str, Any], margin: float) -> Counterexample:
+    """The answer with members that cannot be held, of their proof."""
+    loads, torques = prover.loads, prover.torques
+    claim = {"says": "refuted", "torques": torques, "margin": text(Fraction(margin)), "balance": "0"}
+    gap = verifier.gap(prover.exact_data, against, torques, Fraction(margin))
+    numbers = [np.array([float(Fraction(x)) for x in m["parameters"]]) for m in against["members"]]
+    members = tuple([loads.member(m["vertex"], t) for m, t in zip(against["members"], numbers, strict=True)])
+    velocities = np.array([[float(Fraction(x)) for x in y] for y in against["velocities"]])
+    document = document_of(loads, _about(loads), claim, against)
+    return Counterexample(
+        loads, torques, margin, members, velocities, float(Fraction(against["reach"])), float(gap), document
+    )  # fmt: skip
+
+
+def _about(loads: UncertainLoads) -> dict[str, Any]:
+    """What a file says of its data in words."""
+    return {
+        "robot": loads.state.robot.name,
+        "q": loads.state.q.tolist(),
+        "contacts": [r.name for r in loads.balance.rows],
+        "set": set_words(loads),
+        "points of pushes": [f"{s.frame} + {vector(np.asarray(s.offset))}" for s in loads.pushes],
+        "numbers": list(loads.names),
+        "links": [list(link) for link in loads.links],
+        "rounding": "forces_radius and load_radius bound 100 operations a joint, of relative error 2^-53 each, from the "
+        "robot's file to these numbers: stated, and not checked by the verifier",
+    }
+
+
+class _Search:
+    """Proofs over parts of a set, until all are proved, one is refuted, or there are too many."""
+
+    def __init__(self, prover: Prover, margin: float, most: int) -> None:
+        self.prover, self.margin, self.most, self.parts = prover, margin, most, 1
+        self.against: dict[str, Any] | None = None
+        self.shown: list[tuple[Fraction, Fraction]] = []
+
+    def over(self, low: Array, high: Array) -> dict[str, Any] | None:
+        """The proof over a box of numbers t; None where a member was found that cannot be held.
+
+        Raises:
+            NoSolution: neither, and there may be no more parts.
+        """
+        L, unit = self.prover.loads, self.prover.loads.balance.unit
+        found, proof = self.prover.witness(low, high, self.margin)
+        if proof is not None:
+            slack, left = self._shown(proof, low, high)
+            if slack >= Fraction(self.margin) and left <= Fraction(_ALLOWED * unit):
+                self.shown.append((slack, left))
+                return proof
+        self.against = self.prover.refuted(found, low, high, self.margin)
+        if self.against is not None:
+            return None
+        weight = np.abs(np.nan_to_num(found.velocities) @ L.columns.T).sum(axis=0) * (high - low)
+        if self.parts >= self.most or not len(weight):
+            raise NoSolution(self._undecided(low, high, found.value))
+        i = int(np.argmax(weight if weight.any() else high - low))
+        at = 0.5 * (low[i] + high[i])
+        self.parts += 1
+        below_high, above_low = high.copy(), low.copy()
+        below_high[i] = above_low[i] = at
+        below = self.over(low, below_high)
+        above = None if below is None else self.over(above_low, high)
+        return None if above is None else {"split": i, "at": text(Fraction(at)), "below": below, "above": above}
+
+    def _shown(self, proof: Mapping[str, Any], low: Array, high: Array) -> tuple[Fraction, Fraction]:
+        ends = [[Fraction(float(x)) for x in end] for end in (low, high)]
+        return verifier.leaf(self.prover.exact_data, proof, ends[0], ends[1], self.prover.torques)
+
+    def _undecided(self, low: Array, high: Array, value: float) -> str:
+        L = self.prover.loads
+        part = [
+            f"{name} within {low[i]:g} to {high[i]:g} half-widths" for i, name in enumerate(L.names) if high[i] - low[i] < 2.0
+        ]
+        where = f"the part with {joined(part, 4)}" if part else "the set as a whole"
+        best = "no forces were found" if not np.isfinite(value) else f"the largest margin found is {value:.3g} N"
+        more = "a larger most_parts, a smaller set, or a smaller margin" if self.prover.torques == "each" else "torques='each'"
+        return f"{L.state.robot.name}: not decided in {where}: {best}, {self.margin:g} N was asked for. Try {more}."

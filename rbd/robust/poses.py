@@ -1,0 +1,144 @@
+"""Sets of loads over a box of poses: each joint of the box is an uncertain number, which changes loads and what forces do.
+
+`rbd.robust.pose_bounds` has gravity g(q), Jacobians of contact points and of pushed points as middle + sum of d_i slopes + what
+is of second order, bounded. Slopes become columns and `turns` of the loads, the rest their rounding bounds. The planes of
+contacts stay as they are in the middle of the box, and their points move with their links; the base stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
+from rbd.errors import Unsupported
+from rbd.model.state import State
+from rbd.robust.pose_bounds import Boxed, Linear, PoseBounds, bounds_over_poses
+from rbd.robust.sets import boxes_of, masses_of, middle_of
+from rbd.robust.uncertain_loads import UncertainLoads
+
+_AGREES = 1e-9
+"""Bounds and the rows of contacts are the same in the middle of the box, to this."""
+
+
+def in_the_middle(state: State, joints: Boxed) -> State:
+    """The state with the joints of a box in the middle of their intervals."""
+    bounds = bounds_over_poses(state, joints)  # refuses what is none
+    return posed(state, dict(zip(bounds.joints, bounds.middle.tolist(), strict=True)))
+
+
+def posed(state: State, joints: Mapping[str, float]) -> State:
+    """The state at rest with some joints elsewhere [rad, m]; a joint without end has two coordinates."""
+    q = state.q.copy()
+    for name, value in joints.items():
+        joint = state.robot.model.joints[state.robot.joint_id(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else (np.cos(value), np.sin(value))
+    return State(state.robot, q)
+
+
+def over_poses(
+    loads: UncertainLoads, contacts: Sequence[Constraint], joints: Boxed, mass: Any = None, com: Any = None
+) -> UncertainLoads:
+    """The loads over a box of poses.
+
+    Args:
+        loads: In the middle of the box.
+        contacts: As given.
+        joints: {joint: (low, high) [rad, m]}.
+        mass: As of `rbd.robust.hold`.
+        com: As of `rbd.robust.hold`.
+
+    Raises:
+        Unsupported: contacts that do not act at points of one link, on the ground; pushes with moments; joints of other kinds.
+    """
+    state, robot = loads.state, loads.state.robot
+    heavy, boxes = masses_of(robot, mass), boxes_of(robot, com)
+    points: dict[str, tuple[str, Array]] = {}
+    for c, row in zip(contacts, loads.balance.rows, strict=False):
+        for i, offset in enumerate(_offsets(state, c, row)):
+            points[f"{row.name}/{i}"] = c.frame, offset  # type: ignore[attr-defined]
+    for i, push in enumerate(loads.pushes):
+        if np.asarray(push.corners).shape[1] != 3:
+            raise Unsupported(
+                f"pushes at {push.frame!r:.80} have moments; over a box of joints forces alone are known: give (k, 3)."
+            )
+        points[f"push/{i}"] = push.frame, np.asarray(push.offset)
+    for link in [*[each[0] for each in heavy.values()], *[each[0] for each in boxes.values()]]:
+        points[f"link/{link}"] = link, middle_of(robot, link)
+    for link, widths in boxes.values():
+        for axis in range(3):
+            points[f"link/{link}/{axis}"] = link, middle_of(robot, link) + widths[axis] * np.eye(3)[axis]
+    bounds = bounds_over_poses(state, joints, points)
+    return _with(loads, bounds, heavy, boxes)
+
+
+def _offsets(state: State, contact: Constraint, row: Any) -> Array:
+    """Points of a contact in the axes of its frame, shape (k, 3) [m]."""
+    patch = row.patch
+    if patch is None or patch.against is not None or not isinstance(getattr(contact, "frame", None), str):
+        raise Unsupported(
+            f"{row.name!r:.80} is no contact of one link with the ground: over a box of joints only those are known."
+        )
+    X_WF = state.frame(contact.frame).X_WF  # type: ignore[attr-defined]
+    return np.array([X_WF.actInv(p) for p in np.atleast_2d(patch.corners_W)])
+
+
+def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], boxes: Mapping[int, Any]) -> UncertainLoads:
+    robot, sets, reach = loads.state.robot, loads.balance.sets, bounds.reach
+    g = Linear.fixed(robot.gravity, reach)
+    P: Linear | None = None
+    for i, row in enumerate(loads.balance.rows):
+        given = sets.point_map(i)
+        if given is None or row.patch is None:
+            raise Unsupported(
+                f"{row.name!r:.80} does not act at points: over a box of joints only contacts at points are known."
+            )
+        for k in range(len(given) // 3):
+            act = Linear.fixed(row.patch.axes @ given[3 * k : 3 * k + 3], reach)
+            part = bounds.jacobians[f"{row.name}/{k}"].T @ act
+            P = part if P is None else P + part
+    if P is None or np.abs(P.mid - loads.balance.per_weight).max() > _AGREES * (1.0 + np.abs(P.mid).max()):
+        raise Unsupported(
+            "what the contacts' forces do is not known over a box of joints; give point or surface contacts on the ground."
+        )
+    load, radius = bounds.gravity, loads.load_radius.copy()
+    for joint, (link, least, most) in heavy.items():
+        J = bounds.jacobians[f"link/{link}"].T
+        more, half = 0.5 * (least + most) - float(robot.model.inertias[joint].mass), 0.5 * (most - least)
+        weight = J @ g
+        load = load - Linear(more * weight.mid, more * weight.slopes, abs(more) * weight.rad, reach)
+        radius += half * (weight.swing + weight.rad)
+    for joint, (link, widths) in boxes.items():
+        most = heavy.get(joint, ("", 0.0, float(robot.model.inertias[joint].mass)))[2]
+        for axis in np.flatnonzero(widths):
+            turned = (bounds.jacobians[f"link/{link}/{axis}"] - bounds.jacobians[f"link/{link}"]).T @ g
+            radius += most * (turned.swing + turned.rad)
+    corners, own = np.repeat(load.mid[None], len(loads.corners), axis=0), np.zeros((len(reach), *loads.corners.shape))
+    pushed_radius = np.zeros_like(corners)
+    for v, w in enumerate(loads.components):
+        for i in range(len(loads.pushes)):
+            pushed = bounds.jacobians[f"push/{i}"].T @ Linear.fixed(w[3 * i : 3 * i + 3], reach)
+            corners[v] -= pushed.mid
+            own[:, v] -= pushed.slopes * reach[:, None]
+            pushed_radius[v] += pushed.rad
+    n = len(loads.columns)
+    balance = replace(loads.balance)
+    balance.__dict__["per_weight"] = P.mid
+    names = tuple([*loads.names, *[f"joint {name}" for name in bounds.joints]])
+    links = tuple(
+        [
+            *loads.links,
+            *[(name, -2, float(q), float(r)) for name, q, r in zip(bounds.joints, bounds.middle, reach, strict=True)],
+        ]
+    )
+    columns, unsure = np.vstack([loads.columns, load.slopes * reach[:, None]]), radius + load.rad + pushed_radius.max(axis=0)
+    return replace(
+        loads, balance=balance, corners=corners, columns=columns, names=names, links=links,
+        mass=np.append(loads.mass, np.zeros(len(reach))), load_radius=unsure,
+        forces_radius=loads.forces_radius + P.rad.max(axis=1),
+        turns={n + i: (P.slopes[i] * reach[i], own[i]) for i in range(len(reach))},
+    )  # fmt: skip

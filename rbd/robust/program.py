@@ -1,0 +1,193 @@
+"""The conic program of a set of loads: forces at its corners, corrections for its columns, of the largest margin or extent.
+
+    maximise margin, or s          at each corner:       P f + S^T tau = L + s L'
+                                   for each column i:    P F_i + S^T tau_i + P_i f = D_i + s D'_i
+    |f_t| + sum_i |F_it| + margin <= friction (f_n - sum_i |F_in|), and likewise for bounds and torques
+
+Sparse, as the corrections meet only in the sums. Forces are over the robot's weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from rbd.arrays import Array
+from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS
+from rbd.robust.uncertain_loads import UncertainLoads
+
+_ENOUGH = 1.0
+"""A margin of the robot's weight is not exceeded."""
+_LEAST = 1e6
+"""Nor is one less than minus this, over the weight."""
+_FARTHEST = 1e6
+"""No number of the program is looked for beyond."""
+_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What the program found.
+
+    Attributes:
+        value: The margin [N, N m], or s; -inf where there is no answer.
+        forces: At the corners, shape (k, p) [N].
+        corrections: For the columns at each corner, shape (k, n, p) [N].
+        torque: Of all members, shape (nu,); or none for torques of each.
+        gain: Torques of a unit push, shape (nu, d).
+        velocities: Multipliers of the corners, shape (k, nv): they prove that the value is no larger.
+        aside: The number r of `free`, up to which the answer goes.
+    """
+
+    value: float
+    forces: Array
+    corrections: Array
+    torque: Array
+    gain: Array
+    velocities: Array
+    aside: float
+
+
+class _Rows:
+    """Rows of a sparse matrix with their sides, put together block by block."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[Array, Array, Array]] = []
+        self.sides: list[Array] = []
+        self.count = 0
+
+    def add(self, blocks: Sequence[tuple[Array, Array]], side: Array) -> None:
+        """Rows of sum of matrix times unknowns, given by their numbers; with their side."""
+        for matrix, columns in blocks:
+            at, of = np.nonzero(matrix)
+            self.parts.append((self.count + at, columns[of], matrix[at, of]))
+        self.sides.append(side)
+        self.count += len(side)
+
+
+def largest(
+    loads: UncertainLoads,
+    corners: Array,
+    columns: Array,
+    torques: str = "each",
+    *,
+    components: Array | None = None,
+    margin: float | None = None,
+    ways: tuple[Array, Array] | None = None,
+    free: tuple[Array, Array] | None = None,
+    at_most: float = np.inf,
+    turns: Mapping[int, tuple[Array, Array]] | None = None,
+) -> Held:
+    """The largest margin of a set, or with a margin given the largest s along `ways`.
+
+    Args:
+        loads: What carries them.
+        corners: L, shape (k, nv) [N, N m].
+        columns: D, shape (n, nv).
+        torques: "each", "one" or "affine".
+        components: Pushes at the corners, shape (k, d); for "affine".
+        margin: What is kept; None: it is maximised.
+        ways: (L', D'), shapes (k, nv) and (n, nv), of s; with a margin.
+        free: The same of a further number r, up to `at_most` of either sign, which adds r times these.
+        at_most: Larger s are not looked for.
+        turns: {number of a column: (what it changes in P, shape (nv, p), and in the loads at corners, shape (k, nv))}.
+    """
+    import clarabel
+
+    balance, sets = loads.balance, loads.balance.sets
+    robot, U, P = balance.state.robot, balance.unit, balance.per_weight
+    nv, p = P.shape
+    (k, n), nu, motors = (len(corners), len(columns)), len(robot.actuated), robot.actuated
+    S = np.zeros((nv, nu))
+    S[motors, np.arange(nu)] = 1.0
+    low, high = (np.asarray(x) / U for x in loads.limits)
+    limited = np.flatnonzero(np.isfinite(low) | np.isfinite(high))
+    cones = sets.cone_columns
+    bounded = np.array([j for j in range(p) if j not in set(cones.ravel().tolist())], int)
+    own, d = torques == "each", 0 if components is None or torques != "affine" else components.shape[1]
+
+    count = 0
+
+    def new(*shape: int) -> Array:
+        nonlocal count
+        out = count + np.arange(int(np.prod(shape))).reshape(shape)
+        count += out.size
+        return out
+
+    s, r, x, F = new(1), new(int(free is not None)), new(k, p), new(k, n, p)
+    tau, change = (new(k, nu), new(k, n, nu)) if own else (new(1, nu), new(k, 0, nu))
+    K, sizes, lengths, torque_sizes = new(d, nu), new(k, n, p), new(k, n, len(cones)), new(*change.shape)
+    one, I = np.ones((1, 1)), np.eye(max(p, nu, 1))
+    nothing = np.zeros_like(corners), np.zeros_like(columns)
+    (along, along_columns), (beside, beside_columns) = ways or nothing, free or nothing
+    fixed, takes = (0.0, 1.0) if margin is None else (margin / U, 0.0)
+    all_sizes, keep, more = np.ones((1, n)), np.full((1, 1), takes), np.ones((1, change.shape[1]))
+
+    equal, above, round_ = _Rows(), _Rows(), _Rows()  # equations; rows at most their sides; cones of three rows, axis first
+    for v in range(k):
+        law = [(S, tau[v if own else 0])] + [(S * components[v, i], K[i]) for i in range(d) if components is not None]
+        ends = [(-along[v][:, None] / U, s), *([(-beside[v][:, None] / U, r)] if len(r) else [])]
+        equal.add([(P, x[v]), *law, *ends], corners[v] / U)
+    for v in range(k):
+        for i in range(n):
+            law = [(S, change[v, i])] if own else []
+            law += [(turns[i][0], x[v])] if turns is not None and i in turns else []
+            ends = [(-along_columns[i][:, None] / U, s), *([(-beside_columns[i][:, None] / U, r)] if len(r) else [])]
+            side = columns[i] + (turns[i][1][v] if turns is not None and i in turns else 0.0)
+            equal.add([(P, F[v, i]), *law, *ends], side / U)
+            for sign in (1.0, -1.0):
+                above.add([(sign * I[:p, :p], F[v, i]), (-I[:p, :p], sizes[v, i])], np.zeros(p))
+                if own:
+                    above.add([(sign * I[:nu, :nu], change[v, i]), (-I[:nu, :nu], torque_sizes[v, i])], np.zeros(nu))
+            for c, (a, b, _) in enumerate(cones):
+                round_.add([(-np.eye(3), np.array([lengths[v, i, c], F[v, i, a], F[v, i, b]]))], np.zeros(3))
+        for c, ((a, b, t), mu) in enumerate(zip(cones, sets.mu, strict=True)):
+            axis = np.concatenate([[x[v, t]], sizes[v, :, t], lengths[v, :, c], s])
+            weights = np.concatenate([[-mu], np.full(n, mu), np.ones(n), [takes]])
+            matrix = np.zeros((3, len(axis) + 2))
+            matrix[0, :-2], matrix[1, -2], matrix[2, -1] = weights, -1.0, -1.0
+            round_.add([(matrix, np.concatenate([axis, [x[v, a], x[v, b]]]))], np.array([-fixed, 0.0, 0.0]))
+        for j in bounded:
+            for sign, end in ((-1.0, -sets.lower[j]), (1.0, sets.upper[j])):
+                if np.isfinite(end):
+                    row = [(sign * one, x[v, j : j + 1]), (all_sizes, sizes[v, :, j]), (keep, s)]
+                    above.add(row, np.array([end / U - fixed]))
+        for j in limited if own or d or v == 0 else []:
+            law = [(one, tau[v if own else 0, j : j + 1])]
+            law += [(one * components[v, i], K[i, j : j + 1]) for i in range(d) if components is not None]
+            for sign, end in ((-1.0, -low[j]), (1.0, high[j])):
+                if np.isfinite(end):
+                    row = [*[(sign * m, at) for m, at in law], (more, torque_sizes[v, :, j]), (keep, s)]
+                    above.add(row, np.array([end - fixed]))
+    above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
+    above.add([(-one, s)], np.array([_LEAST if margin is None else 0.0]))
+    if len(r):
+        above.add([(np.array([[1.0], [-1.0]]), r)], np.full(2, min(at_most, _FARTHEST)))
+
+    rows = [equal, above, round_]
+    offsets = np.cumsum([0, *[r.count for r in rows]])
+    parts = [(at + o, of, m) for r, o in zip(rows, offsets[:-1], strict=True) for at, of, m in r.parts]
+    at, of, values = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    M = sparse.csc_matrix((values, (at, of)), shape=(int(offsets[-1]), count))
+    side = np.concatenate([np.zeros(0), *[each for r in rows for each in r.sides]])
+    g = np.zeros(count)
+    g[s] = -1.0
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.max_iter, settings.time_limit = CONIC_STEPS, CONIC_SECONDS
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
+    kinds = [clarabel.ZeroConeT(equal.count), clarabel.NonnegativeConeT(above.count)]
+    kinds += [clarabel.SecondOrderConeT(3)] * (round_.count // 3)
+    found = clarabel.DefaultSolver(sparse.csc_matrix((count, count)), g, M, side, kinds, settings).solve()
+    X, z = np.asarray(found.x), np.asarray(found.z)
+    if "Infeasible" in str(found.status) or not (np.isfinite(X).all() and np.isfinite(z).all()):
+        X = np.full(count, np.nan)
+    value = -np.inf if np.isnan(X).any() else float(X[s[0]]) * (U if margin is None else 1.0)
+    none = np.zeros((nu, 0))
+    return Held(
+        value, X[x] * U, X[F] * U, X[tau[0]] * U if not own else np.zeros(0), X[K].T * U if d else none,
+        -z[: k * nv].reshape(k, nv), float(X[r].sum()),
+    )  # fmt: skip

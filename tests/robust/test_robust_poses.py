@@ -1,0 +1,81 @@
+"""Boxes of poses: what is proved of all, and what single poses say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.robust import Counterexample, PushSet, RobustHold, hold
+
+
+def around(robot: rbd.Robot, state: rbd.State, joints: list[str], width: float) -> dict[str, tuple[float, float]]:
+    """{joint: interval about where it is}."""
+    at = {name: float(state.q[robot.model.joints[robot.joint_id(name)].idx_q]) for name in joints}
+    return {name: (q - width, q + width) for name, q in at.items()}
+
+
+def posed(robot: rbd.Robot, state: rbd.State, joints: dict[str, float]) -> rbd.State:
+    """The state with some joints elsewhere."""
+    q = state.q.copy()
+    for name, value in joints.items():
+        q[robot.model.joints[robot.joint_id(name)].idx_q] = value
+    return rbd.State(robot, q)
+
+
+def test_twelve_joints_of_talos_may_be_anywhere_within_a_twentieth_of_a_radian(talos):
+    """Six joints of each arm: one proof with a positive margin; poses drawn at random are held, as `rbd.hold` says."""
+    state, soles = talos.standing(), talos.soles(0.5)
+    arms = [f"arm_{side}_{i}_joint" for side in ("left", "right") for i in range(1, 7)]
+    box = around(talos, state, arms, 0.05)
+    found = hold(state, soles, joints=box)
+    assert isinstance(found, RobustHold) and found.margin > 0.5 and found.verify() and len(found.loads.turns) == 12
+    rng = np.random.default_rng(4)
+    for _ in range(2):
+        pose = posed(talos, state, {name: rng.choice(ends) for name, ends in box.items()})
+        assert rbd.hold(pose, soles).tau.shape == (32,)
+
+
+def test_loads_and_forces_of_a_pose_are_within_their_bounds():
+    """Gravity, pushes and contact Jacobians of Pinocchio at poses of the box, with other masses, lie in the set of loads."""
+    solo = rbd.load_robot("solo12")
+    state, rng = solo.standing(), np.random.default_rng(5)
+    box = around(solo, state, ["FL_HFE", "FL_KFE", "HR_HAA"], 0.04)
+    pushes = PushSet.box("base_link", (-1, -1, 0), (1, 1, 0))
+    found = hold(state, solo.feet(friction=0.7), joints=box, pushes=pushes, mass={"base_link": 0.05})
+    assert isinstance(found, RobustHold) and found.verify()
+    loads, column = found.loads, 1
+    for _ in range(10):
+        t = np.array([0.0, *rng.uniform(-1.0, 1.0, 3)])
+        pose = posed(solo, state, loads.member(0, t).joints)
+        J = np.concatenate([foot.rows(pose).J for foot in solo.feet(friction=0.7)])
+        P = J.T @ loads.balance.sets.G
+        assert (np.abs(loads.within(t).balance.per_weight - P).max(axis=1) <= loads.forces_radius).all()
+        load = pose.h - pose.frame("base_link").J[:3].T @ loads.components[2]
+        assert (np.abs(loads.load(2, t) - load) <= loads.load_radius).all()
+        assert np.abs(loads.load(2, np.where(np.arange(4) == column - 1, t, 0.0)) - load).max() > loads.load_radius.max()
+
+
+def test_a_pose_that_falls_is_found(talos):
+    """Where a joint of the box puts the feet aside of the centre of mass, a pose is returned that `rbd.hold` cannot hold."""
+    state, soles = talos.standing(), talos.soles(0.5, on=None)
+    box = around(talos, state, ["leg_left_2_joint", "leg_right_2_joint"], 0.4)
+    found = hold(state, soles, joints=box)
+    assert isinstance(found, Counterexample) and found.verify()
+    with pytest.raises(rbd.CannotHold):
+        rbd.hold(posed(talos, state, found.members[0].joints), soles)
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        ({"joints": {"FL_HFE": (0.2, 0.1)}}, rbd.InputError),
+        ({"joints": {"FL_HFF": (0.1, 0.2)}}, rbd.errors.JointNotFound),
+        ({"joints": {"FL_HFE": (0.7, 0.8)}, "pushes": {"base_link": np.zeros((1, 6))}}, rbd.errors.Unsupported),
+    ],
+)
+def test_boxes_that_are_none_are_refused(given, error):
+    """Reversed intervals, unknown joints, pushes with moments."""
+    solo = rbd.load_robot("solo12")
+    with pytest.raises(error):
+        hold(solo.standing(), solo.feet(friction=0.7), **given)
