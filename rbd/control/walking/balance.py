@@ -124,7 +124,7 @@ class Balance(Walk):
         g1 stands, and has taken no steps
     """
 
-    _costs: ClassVar[tuple[float, Any, float, float]] = 3000.0, np.array([1.0, 1.0, 10.0]), 5.0, 5.0
+    _costs: ClassVar[tuple[float, Any, float, float, float]] = 3000.0, np.array([1.0, 1.0, 10.0]), 5.0, 5.0, 5.0
 
     def __init__(
         self,

@@ -137,29 +137,6 @@ def carrying(state: State, feet: Sequence[Any], h: float) -> dict[str, Array]:
     return out
 
 
-def knee(state: State, foot: Any, legs: Sequence[int]) -> int:
-    """Which joint of a leg moves its foot most towards its first joint when it turns by 0.3 rad, or slides by 0.3 m.
-
-    Args:
-        state: Where it stands.
-        foot: The contact.
-        legs: Indices of the leg's joints with a motor of one direction, the first at the hip.
-    """
-    robot, change = state.robot, list[float]()
-
-    def length(v: Array) -> float:
-        at = State(robot, pin.integrate(robot.model, state.q, v))
-        return float(
-            np.linalg.norm(at.frame(foot.frame).X_WF.translation - at.frame(robot.model.names[legs[0]]).X_WF.translation)
-        )
-
-    for j in legs:
-        by = np.zeros(robot.nv)
-        by[robot.model.idx_vs[j]] = 0.3
-        change.append(max(abs(length(by) - length(0.0 * by)), abs(length(-by) - length(0.0 * by))))
-    return legs[int(np.argmax(change))]
-
-
 def inertia_on_feet(state: State, feet: Sequence[Any]) -> Array:
     """Angular momentum over the mass by the base's angular velocity, while feet and centre of mass stay, shape (3, 3) [m2].
 

@@ -24,7 +24,7 @@ from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.walking.arms import ArmsGiven, HeldArms, arms_of, given_arms, leg_joints
 from rbd.control.walking.footsteps import FLAT, Floor, Footstep, centre_of, steps_of
 from rbd.control.walking.gaits import TWO, Gait, gait_of, heading_of, roles_of
-from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet, knee, turning_range
+from rbd.control.walking.legs import carrying, check_legs, inertia_on_feet, turning_range
 from rbd.control.walking.plan import Planner, WalkPlan
 from rbd.control.walking.swings import smooth
 from rbd.control.whole_body import WholeBodyController
@@ -128,13 +128,12 @@ class Walk(Displayed):
         0.042 m, 0 violated steps
     """
 
-    _costs: ClassVar[tuple[float, Any, float, float]] = 1000.0, 10.0, 0.5, 0.07
-    """Of the centre of mass, of how the base is turned, of the posture, and of legs', which follow base and feet.
+    _costs: ClassVar[tuple[float, Any, float, float, float]] = 1000.0, 10.0, 0.5, 0.35, 0.07
+    """Of the centre of mass, of how the base is turned, of the posture, of that of a leg that stands, and of one in the air.
 
-    The knee of a foot that stands counts as joints that are not of legs: where it costs less, G1 stretches it on stairs until
-    it turns over. That of a foot in the air does not: a leg that is nearly straight bends it by 170 rad/s2 to lift the foot,
-    and where its posture costs 0.5, half of this is left to the body: iCub and a human jumped on stairs, and fell. Tried were
-    0.005 to 0.2 for legs, of which 0.05 to 0.1 have all three climb."""
+    A leg that is nearly straight bends its knee by 170 rad/s2 to lift its foot. Where its posture costs 0.5 then, half of this
+    is left to the body: iCub and a human jumped on stairs, and fell; they and G1 climb them at 0.05 to 0.1. Where legs that
+    stand cost 0.005, G1 stretches a knee until it turns over; at 0.2 Romeo falls on a slope, and at 0.5 iCub on stairs."""
 
     def __init__(
         self,
@@ -269,21 +268,17 @@ class Walk(Displayed):
 
     def _posture_costs(self, t: float) -> Array:
         """Cost of the posture of each joint with a motor; on four feet those of legs count as others."""
-        *_, usual, of_legs = self._costs
+        *_, usual, standing, in_air = self._costs
         out = np.full(len(self.robot.actuated_names), usual)
-        for foot, (leg, its_knee) in self._legs.items():
+        for foot, leg in self._legs.items():
             swing = self.plan.swing(foot, t)
-            out[leg] = of_legs
-            if swing is None or not swing.start <= t < swing.landing:
-                out[its_knee] = usual
+            out[leg] = standing if swing is None or not swing.start <= t < swing.landing else in_air
         return out
 
-    def _leg(self, foot: Contact) -> tuple[list[int], list[int]]:
-        """Where a leg's joints, and its knee, are among those with a motor."""
-        names, of_leg = self.robot.actuated_names, leg_joints(self.robot, [foot])
-        own = {j: k for k, name in enumerate(names) if (j := self.robot.joints[name].id) in of_leg}
-        turning = sorted(j for j in own if self.robot.model.nvs[j] == 1)
-        return list(own.values()), [own[knee(self.state, foot, turning)]] if turning else []
+    def _leg(self, foot: Contact) -> list[int]:
+        """Where a leg's joints are among those with a motor."""
+        of_leg = leg_joints(self.robot, [foot])
+        return [k for k, name in enumerate(self.robot.actuated_names) if self.robot.joints[name].id in of_leg]
 
     def _advance(self, velocity: Any) -> Array:
         """How far the body moves forwards and aside, and turns, in one swing and overlap [m, rad]."""
