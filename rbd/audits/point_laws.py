@@ -17,13 +17,16 @@ from rbd.audits.record import Record
 from rbd.displayed import Displayed
 from rbd.problem.cones import project_cones
 
+OPPOSED = 0.9962
+"""Friction opposes a velocity within 5 degrees: the cosine."""
+
 
 @dataclass(frozen=True, eq=False)
 class PointLaws(Displayed):
     """Forces and motions of k points along and across their normals, and by how much they miss each law.
 
-    A point is judged by the velocity u that its step led to; without a step by that of its frame. Where that is zero, u is what
-    its acceleration would make of it within a short time.
+    A point is judged by the velocity u that its step led to; without a step by that of its frame. Where that is nearly zero,
+    and friction does not oppose it, u is what its acceleration would make of it within a short time.
 
     Attributes:
         push: Normal force, shape (k,) [N].
@@ -63,15 +66,12 @@ class PointLaws(Displayed):
             friction: Coefficients, shape (k,); NaN where not known.
             least: Force up to which a point counts as free [N].
             on_cone: Share of the friction from which a force is on its cone.
-            still: Speed up to which a point without a step is judged by its acceleration [m/s].
+            still: Speed up to which a point without a step is judged by its acceleration [m/s], unless it slides: friction on
+                its cone opposes its velocity.
             after: The time for which this lasts [s].
         """
         f, n, h = record.forces, record.normals, record.step[record.contact_at][:, None]
-        u = balance.u + h * balance.w
-        rests = (h[:, 0] == 0.0) & (np.linalg.norm(u, axis=1) <= still)
-        u = np.where(rests[:, None], after * balance.w, u)
         push, drag = _split(f, n)
-        leave, slip = _split(u, n)
         pull, known = np.linalg.norm(drag, axis=1), ~np.isnan(friction)
         mu = np.where(known, friction, 0.0)
         local = np.column_stack([pull, np.zeros_like(pull), push])
@@ -80,6 +80,12 @@ class PointLaws(Displayed):
         share = np.where(known & (mu > 0.0), pull / np.maximum(most, 1e-12 * (1.0 + pull)), np.nan)
         free, edge, smooth = np.hypot(pull, push) <= least, share >= on_cone, known & (mu == 0.0)
         along = drag / np.maximum(pull, 1e-300)[:, None]
+        u = balance.u + h * balance.w
+        _, slip = _split(u, n)
+        slides = edge & (np.einsum("ki,ki->k", slip, along) <= -OPPOSED * np.linalg.norm(slip, axis=1))
+        rests = (h[:, 0] == 0.0) & (np.linalg.norm(u, axis=1) <= still) & ~slides
+        u = np.where(rests[:, None], after * balance.w, u)
+        leave, slip = _split(u, n)
         forth = np.maximum(-np.einsum("ki,ki->k", slip, along), 0.0)  # against the friction
         on_edge = np.hypot(leave, np.linalg.norm(slip + forth[:, None] * along, axis=1))
         size, speed = np.linalg.norm(u, axis=1), np.linalg.norm(slip, axis=1)

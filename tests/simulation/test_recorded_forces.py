@@ -158,7 +158,7 @@ def test_a_face_that_falls_touches_at_its_edge_and_is_certified_there():
         assert np.abs(flat.a).max() < 1e-2 < 1.0 < np.abs(found.a[i]).max()
     thrown = free_state(_box(), (0.0, 0.0, 1.0))
     assert rbd.simulate(thrown, [face], duration=1e-2, step=1e-3, progress=False).touching(2, [face]) == ()
-    with pytest.raises(rbd.errors.InputError, match="'other' is no constraint of this motion; expected some of 'sole'"):
+    with pytest.raises(rbd.errors.InputError, match="a constraint of Trajectory.touching is 'other'; there are 'sole'"):
         found.touching(0, [face, rbd.PointContact("other", "body", on=0.0)])
 
 
