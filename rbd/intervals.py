@@ -39,7 +39,12 @@ Real: TypeAlias = "Intervals | Array | float"
 
 
 def above(x: Array, operations: int) -> Array:
-    """An upper bound of a sum of non-negative terms, computed in so many roundings on each path, shape of x."""
+    """An upper bound of the exact sum of terms that are not negative, of which floating point gave x.
+
+    Args:
+        x: The sums that were computed, of any shape.
+        operations: How often a term was rounded on its way into the sum, at most.
+    """
     return np.asarray(x * (1.0 + 2.0 * (operations + 2) * U) + TINY)
 
 

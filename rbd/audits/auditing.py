@@ -68,7 +68,8 @@ def audit(
         force = force_scale(record, balance.missing)
         scale = force * np.where(record.robot.joints.angular, LENGTH, 1.0)
         laws = PointLaws.of(
-            record, balance, mu, least=limits.force * force, on_cone=1.0 - limits.cone, still=limits.speed, after=limits.after
+            record, balance, mu, least=limits.force * force, on_cone=1.0 - limits.cone, still=limits.speed, after=limits.after,
+            angle=limits.angle,
         )  # fmt: skip
         missing = np.abs(balance.missing / scale).max(axis=1)
         points = _sizes(record, laws, mu, law, limits, force)

@@ -17,9 +17,6 @@ from rbd.audits.record import Record
 from rbd.displayed import Displayed
 from rbd.problem.cones import project_cones
 
-OPPOSED = 0.9962
-"""Friction opposes a velocity within 5 degrees: the cosine."""
-
 
 @dataclass(frozen=True, eq=False)
 class PointLaws(Displayed):
@@ -56,7 +53,16 @@ class PointLaws(Displayed):
 
     @classmethod
     def of(
-        cls, record: Record, balance: Balance, friction: Array, *, least: float, on_cone: float, still: float, after: float
+        cls,
+        record: Record,
+        balance: Balance,
+        friction: Array,
+        *,
+        least: float,
+        on_cone: float,
+        still: float,
+        after: float,
+        angle: float,
     ) -> PointLaws:
         """Of all points of a record.
 
@@ -69,6 +75,7 @@ class PointLaws(Displayed):
             still: Speed up to which a point without a step is judged by its acceleration [m/s], unless it slides: friction on
                 its cone opposes its velocity.
             after: The time for which this lasts [s].
+            angle: Within which friction opposes a velocity [degrees].
         """
         f, n, h = record.forces, record.normals, record.step[record.contact_at][:, None]
         push, drag = _split(f, n)
@@ -82,7 +89,7 @@ class PointLaws(Displayed):
         along = drag / np.maximum(pull, 1e-300)[:, None]
         u = balance.u + h * balance.w
         _, slip = _split(u, n)
-        slides = edge & (np.einsum("ki,ki->k", slip, along) <= -OPPOSED * np.linalg.norm(slip, axis=1))
+        slides = edge & (np.einsum("ki,ki->k", slip, along) <= -np.cos(np.radians(angle)) * np.linalg.norm(slip, axis=1))
         rests = (h[:, 0] == 0.0) & (np.linalg.norm(u, axis=1) <= still) & ~slides
         u = np.where(rests[:, None], after * balance.w, u)
         leave, slip = _split(u, n)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -28,6 +28,8 @@ from rbd.robust.sets import Boxes, Masses, Member
 from rbd.robust.uncertain_loads import UncertainLoads
 
 TORQUES = ("each", "one", "affine")
+_BEHIND = (1e-8, 1e-6, 1e-4)
+"""Shares that `held_behind` tries, one after the other."""
 _ALLOWED = 1e-6
 """Largest imbalance of one torque, or of an affine law, over the robot's weight: beyond it nothing is claimed."""
 
@@ -245,32 +247,31 @@ def hold(
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
     most = check_whole("most_parts", most_parts, 100_000, least=1)
     if joints is None:
-        return decided(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques, kept, most)
+        return decided(Prover(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques), kept, most)
     middle = in_the_middle(state, joints)
     loads = UncertainLoads.of(middle, contacts, pushes, friction, mass, com, loops)
     over = over_poses(loads, listed(contacts), joints, mass, com)
+    prover = Prover(over, torques)
     try:
-        return decided(over, torques, kept, 1)
-    except NoSolution:  # at one pose bounds over the box are not in the way of a proof
-        n = len(over.columns)
-        prover = Prover(over, "each")
-        found, _ = prover.witness(-np.ones(n), np.ones(n), kept)
-        corner, t, _ = prover.worst(found, -np.ones(n), np.ones(n), kept)
+        return decided(prover, kept, 1)
+    except NoSolution:  # the worst pose alone has no bounds over a box: where it cannot be held, that is proved more easily
+        ends, each = np.ones(len(over.columns)), prover if torques == "each" else Prover(over, "each")
+        corner, t, _ = each.worst(each.witness(-ends, ends, kept)[0], -ends, ends, kept)
         where = over.member(corner, t).joints
         there = UncertainLoads.of(posed(state, where), contacts, pushes, friction, mass, com, loops)
         with suppress(NoSolution):
-            if isinstance(alone := decided(there, torques, kept, 1), Counterexample):
+            if isinstance(alone := decided(Prover(there, torques), kept, 1), Counterexample):
                 return replace(alone, members=tuple([replace(member, joints=where) for member in alone.members]))
-    return decided(over, torques, kept, most)
+    return decided(prover, kept, most)
 
 
-def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int) -> RobustHold | Counterexample:
+def decided(prover: Prover, margin: float, most_parts: int) -> RobustHold | Counterexample:
     """The answer over a set of loads.
 
     Raises:
         NoSolution: neither was proved.
     """
-    prover, n = Prover(loads, torques), len(loads.columns)
+    loads, torques, n = prover.loads, prover.torques, len(prover.loads.columns)
     search = _Search(prover, margin, most_parts if torques == "each" else 1)
     proof = search.over(-np.ones(n), np.ones(n))
     if search.against is not None:
@@ -284,6 +285,20 @@ def decided(loads: UncertainLoads, torques: str, margin: float, most_parts: int)
     gain = gain.reshape(loads.state.robot.nu, loads.components.shape[1] if torques == "affine" else 0)
     document = document_of(loads, _about(loads), claim, proof)
     return RobustHold(loads, torques, float(shown), float(left), torque, gain, search.parts, document)
+
+
+def held_behind(loads: Callable[[float], UncertainLoads], margin: float) -> tuple[float, RobustHold] | None:
+    """(share, proof): by which share what is proved stays behind what a program in floating point finds; None: by no small one.
+
+    Args:
+        loads: The set that stays behind by a share.
+        margin: What is kept.
+    """
+    for share in _BEHIND:
+        with suppress(NoSolution):
+            if isinstance(answer := decided(Prover(loads(share), "each"), margin, 1), RobustHold):
+                return share, answer
+    return None
 
 
 def counterexample(prover: Prover, against: Mapping[str, Any], margin: float) -> Counterexample:

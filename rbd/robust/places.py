@@ -1,4 +1,4 @@
-"""`region`: where the centre of mass may be for every member of a set, from inside and from outside.
+"""`region`: an inner and an outer bound of where the centre of mass may be so that every member of a set is held.
 
 With masses within intervals the load of a member is a + sum of t_i D_i. Where its centre of mass is at x instead of c, on the
 base it is
@@ -26,7 +26,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.state import State, checked
 from rbd.model.world import along_gravity
 from rbd.records import Field
-from rbd.robust.holding import Counterexample, RobustHold, counterexample, decided
+from rbd.robust.holding import Counterexample, RobustHold, counterexample, held_behind
 from rbd.robust.program import Held, largest
 from rbd.robust.proofs import Prover, worst_along
 from rbd.robust.sets import Boxes, Masses, middle_of
@@ -34,8 +34,6 @@ from rbd.robust.uncertain_loads import UncertainLoads
 from rbd.statics.force_balance import ForceBalance
 from rbd.statics.planar_projection import WITHIN_M, Region
 
-_WITHIN = (1e-8, 1e-6, 1e-4)
-"""Shares of the way to the middle by which what is proved stays behind what a program finds, tried one after the other."""
 _BEYOND = 1e-7
 """How far beyond what a program finds it is refuted [m]."""
 _FAR = 1e3
@@ -250,15 +248,12 @@ class _Places:
 
     def proved(self, corner: Array, middle: Array) -> tuple[Array, RobustHold] | None:
         """(place, proof) as near to a corner as is proved; None where it is not."""
-        for share in _WITHIN:
-            place = corner + share * (middle - corner)
-            try:
-                answer = decided(self.at(place), "each", self.margin, 1)
-            except NoSolution:
-                continue
-            if isinstance(answer, RobustHold):
-                return place, answer
-        return None
+
+        def towards(share: float) -> Array:
+            return np.asarray(corner + share * (middle - corner))
+
+        found = held_behind(lambda share: self.at(towards(share)), self.margin)
+        return None if found is None else (towards(found[0]), found[1])
 
     def outer(self, most: int) -> tuple[Array, tuple[Counterexample, ...]]:
         """(corners of the outer polygon, what refutes both ends of each edge).

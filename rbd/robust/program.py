@@ -16,8 +16,8 @@ import numpy as np
 from scipy import sparse
 
 from rbd.arrays import Array
-from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS
 from rbd.robust.uncertain_loads import UncertainLoads
+from rbd.solvers.conic_newton import clarabel_settings
 
 _ENOUGH = 1.0
 """A margin of the robot's weight is not exceeded."""
@@ -175,13 +175,9 @@ def largest(
     side = np.concatenate([np.zeros(0), *[each for r in rows for each in r.sides]])
     g = np.zeros(count)
     g[s] = -1.0
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    settings.max_iter, settings.time_limit = CONIC_STEPS, CONIC_SECONDS
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
     kinds = [clarabel.ZeroConeT(equal.count), clarabel.NonnegativeConeT(above.count)]
     kinds += [clarabel.SecondOrderConeT(3)] * (round_.count // 3)
-    found = clarabel.DefaultSolver(sparse.csc_matrix((count, count)), g, M, side, kinds, settings).solve()
+    found = clarabel.DefaultSolver(sparse.csc_matrix((count, count)), g, M, side, kinds, clarabel_settings(_TOLERANCE)).solve()
     X, z = np.asarray(found.x), np.asarray(found.z)
     if "Infeasible" in str(found.status) or not (np.isfinite(X).all() and np.isfinite(z).all()):
         X = np.full(count, np.nan)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.robust import verifier
 from rbd.robust.program import Held, largest
 from rbd.robust.uncertain_loads import UncertainLoads
@@ -83,14 +83,10 @@ class Prover:
     loads: UncertainLoads
     torques: str
 
-    def __post_init__(self) -> None:
-        empty = document_of(self.loads, {}, {}, {})
-        self.__dict__["data"] = verifier.data_of(empty["data"])
-
-    @property
+    @lazy
     def exact_data(self) -> Any:
         """The data in fractions."""
-        return self.__dict__["data"]
+        return verifier.data_of(document_of(self.loads, {}, {}, {})["data"])
 
     def witness(self, low: Array, high: Array, margin: float) -> tuple[Held, dict[str, Any] | None]:
         """(what the program found, its proof), over a box of numbers t; no proof where the margin is less."""

@@ -1,4 +1,4 @@
-"""`push_limits`: how large pushes may be for every member of a set, from inside and from outside.
+"""`push_limits`: an inner and an outer bound of how large pushes may be so that every member of a set is held.
 
 Each inner end is a set that is proved to be held, each outer one a member that is proved not to be: the truth is between.
 """
@@ -17,7 +17,7 @@ from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, NoSolution
 from rbd.model.state import State
 from rbd.records import Field, vector
-from rbd.robust.holding import Counterexample, RobustHold, counterexample, decided
+from rbd.robust.holding import Counterexample, RobustHold, counterexample, decided, held_behind
 from rbd.robust.program import largest
 from rbd.robust.proofs import Prover, worst_along
 from rbd.robust.sets import Boxes, Masses, PushSet
@@ -28,10 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-_WITHIN = (1e-8, 1e-6, 1e-4)
-"""Shares by which what is proved stays behind what a program in floating point finds, tried one after the other."""
 _BEYOND = (1e-8, 1e-6, 1e-4)
-"""The same of what is refuted, beyond it."""
+"""Shares by which what is refuted is beyond what a program in floating point finds, tried one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +141,7 @@ def push_limits(
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
     still = UncertainLoads.of(state, contacts, None, friction, mass, com, loops)
     J = state.frame(frame, offset).J[:3]
-    alone = decided(still, "each", kept, 1)
+    alone = decided(Prover(still, "each"), kept, 1)
     if isinstance(alone, Counterexample):
         raise CannotHold(f"{state.robot.name}: a member cannot be held without a push, {alone.members[0]}.")
     inner, outer, holds, against = list[float](), list[float](), list[RobustHold](), list[Counterexample | None]()
@@ -183,15 +181,12 @@ class _Line:
         found = largest(L, corners, L.columns, margin=self.margin, ways=way, at_most=most / U).value * U
         if not np.isfinite(found):
             raise NoSolution(f"{L.state.robot.name}: the largest push along a direction was not found.")
-        for share in _WITHIN:
-            size = found * (1.0 - share) - share * U
-            try:
-                answer = decided(self.at([0.0, size]), "each", self.margin, 1) if size > 0.0 else None
-            except NoSolution:
-                continue
-            if answer is None or isinstance(answer, RobustHold):
-                return max(size, 0.0), answer
-        return 0.0, None
+
+        def less(share: float) -> float:
+            return max(found * (1.0 - share) - share * U, 0.0)
+
+        proved = held_behind(lambda share: self.at([0.0, less(share)]), self.margin)
+        return (0.0, None) if proved is None or not less(proved[0]) else (less(proved[0]), proved[1])
 
     def outer(self, most: float) -> tuple[float, Counterexample | None]:
         """(beyond what a member is not held, the proof); (most, None) where none is found."""

@@ -12,6 +12,7 @@ the set has an interior. The result is exact: x is in X to rounding, and no othe
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -185,6 +186,17 @@ def _refuted(program: Conic) -> Certificate | None:
     return None
 
 
+def clarabel_settings(tolerance: float) -> Any:
+    """Settings of Clarabel with a tolerance of gap and rows, and the limits of `rbd.problem.programs`."""
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.max_iter, settings.time_limit = CONIC_STEPS, CONIC_SECONDS
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    return settings
+
+
 def interior_point(program: Conic) -> ConicAnswer:
     """What Clarabel says: INFEASIBLE; UNBOUNDED, x a direction, checked; else NOT_FOUND, its best point, judged by nobody."""
     import clarabel
@@ -217,10 +229,7 @@ def interior_point(program: Conic) -> ConicAnswer:
         return nothing
     sizes = [len(part) for part in side]
     kinds = [clarabel.ZeroConeT(e), clarabel.NonnegativeConeT(sum(sizes[1:5]))]
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    settings.max_iter, settings.time_limit = CONIC_STEPS, CONIC_SECONDS
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    settings = clarabel_settings(1e-11)
     settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-10
     found = clarabel.DefaultSolver(
         csc_matrix(P), g, csc_matrix(M[:, free]), h, kinds + [clarabel.SecondOrderConeT(3)] * len(program.mu), settings
