@@ -17,7 +17,7 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.errors import Unsupported
 from rbd.model.state import State
-from rbd.robust.pose_bounds import Boxed, Linear, PoseBounds, bounds_over_poses
+from rbd.robust.pose_bounds import Boxed, Taylor, PoseBounds, bounds_over_poses
 from rbd.robust.sets import boxes_of, masses_of, middle_of
 from rbd.robust.uncertain_loads import UncertainLoads
 
@@ -89,8 +89,8 @@ def _offsets(state: State, contact: Constraint, row: Any) -> Array:
 
 def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], boxes: Mapping[int, Any]) -> UncertainLoads:
     robot, sets, reach = loads.state.robot, loads.balance.sets, bounds.reach
-    g = Linear.fixed(robot.gravity, reach)
-    P: Linear | None = None
+    g = Taylor.fixed(robot.gravity, reach)
+    P: Taylor | None = None
     for i, row in enumerate(loads.balance.rows):
         given = sets.point_map(i)
         if given is None or row.patch is None:
@@ -98,30 +98,32 @@ def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], b
                 f"{row.name!r:.80} does not act at points: over a box of joints only contacts at points are known."
             )
         for k in range(len(given) // 3):
-            act = Linear.fixed(row.patch.axes @ given[3 * k : 3 * k + 3], reach)
+            act = Taylor.fixed(row.patch.axes @ given[3 * k : 3 * k + 3], reach)
             part = bounds.jacobians[f"{row.name}/{k}"].T @ act
             P = part if P is None else P + part
     if P is None or np.abs(P.mid - loads.balance.per_weight).max() > _AGREES * (1.0 + np.abs(P.mid).max()):
         raise Unsupported(
             "what the contacts' forces do is not known over a box of joints; give point or surface contacts on the ground."
         )
+    P = P.straight
     load, radius = bounds.gravity, loads.load_radius.copy()
     for joint, (link, least, most) in heavy.items():
         J = bounds.jacobians[f"link/{link}"].T
         more, half = 0.5 * (least + most) - float(robot.model.inertias[joint].mass), 0.5 * (most - least)
         weight = J @ g
-        load = load - Linear(more * weight.mid, more * weight.slopes, abs(more) * weight.rad, reach)
-        radius += half * (weight.swing + weight.rad)
+        load = load - Taylor.fixed(more * np.eye(robot.nv), reach) @ weight
+        radius += half * weight.moved
     for joint, (link, widths) in boxes.items():
         most = heavy.get(joint, ("", 0.0, float(robot.model.inertias[joint].mass)))[2]
         for axis in np.flatnonzero(widths):
             turned = (bounds.jacobians[f"link/{link}/{axis}"] - bounds.jacobians[f"link/{link}"]).T @ g
-            radius += most * (turned.swing + turned.rad)
+            radius += most * turned.moved
+    load = load.straight
     corners, own = np.repeat(load.mid[None], len(loads.corners), axis=0), np.zeros((len(reach), *loads.corners.shape))
     pushed_radius = np.zeros_like(corners)
     for v, w in enumerate(loads.components):
         for i in range(len(loads.pushes)):
-            pushed = bounds.jacobians[f"push/{i}"].T @ Linear.fixed(w[3 * i : 3 * i + 3], reach)
+            pushed = (bounds.jacobians[f"push/{i}"].T @ Taylor.fixed(w[3 * i : 3 * i + 3], reach)).straight
             corners[v] -= pushed.mid
             own[:, v] -= pushed.slopes * reach[:, None]
             pushed_radius[v] += pushed.rad
@@ -139,6 +141,6 @@ def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], b
     return replace(
         loads, balance=balance, corners=corners, columns=columns, names=names, links=links,
         mass=np.append(loads.mass, np.zeros(len(reach))), load_radius=unsure,
-        forces_radius=loads.forces_radius + P.rad.max(axis=1),
+        forces_radius=loads.forces_radius + P.rad,
         turns={n + i: (P.slopes[i] * reach[i], own[i]) for i in range(len(reach))},
     )  # fmt: skip

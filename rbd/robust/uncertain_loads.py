@@ -51,7 +51,7 @@ class UncertainLoads:
         links: (link, number of its column of mass or -1, middle mass [kg], half-width [kg or m]) of each; of a joint -2, its
             middle and half-width [rad, m].
         load_radius: Bound of the rounding of a load, shape (nv,).
-        forces_radius: Bound of the rounding of the generalised force of a unit contact force, shape (nv,).
+        forces_radius: Bound of the rounding of the generalised force of a unit contact force, shape (nv, p).
         turns: {number of a column: (what it changes in `balance.per_weight`, shape (nv, p); in each corner's load, beside its
             column, shape (k, nv))}, of joints of an uncertain pose.
     """
@@ -125,7 +125,7 @@ class UncertainLoads:
         largest = size * float(np.linalg.norm(g)) + sum(float(np.abs(s.corners).sum(axis=1).max()) for s in sets)
         return cls(
             balance, sets, np.array(corners), np.array(components), np.array(columns).reshape(-1, robot.nv), tuple(names),
-            np.array(moved), tuple(links), np.full(robot.nv, rounding * largest), np.full(robot.nv, rounding),
+            np.array(moved), tuple(links), np.full(robot.nv, rounding * largest), np.full(balance.per_weight.shape, rounding),
         )  # fmt: skip
 
     @property

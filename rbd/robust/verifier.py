@@ -2,14 +2,15 @@
 
     python verifier.py file.json            exit code 0: the claim is proved; 1: it is not; 2: no certificate file
 
-The data: rows with a motor and `idle` ones; generalised forces P of unit contact forces, each number within `forces_radius` of
-its row; loads at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load is within
+The data: rows with a motor and `idle` ones; generalised forces P of unit contact forces, each number within its `forces_radius`;
+loads at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load is within
 `load_radius`. Numbers of a pose change P too, by their `slopes`. A member L = sum of shares of `loads` + sum of t D is held by
 
     P f + S^T tau = L,    |f_t| + margin <= friction f_n,    lower + margin <= f <= upper - margin,    the same of torques.
 
 A claim "held": each member is. Its proof has forces f at each corner of the pushes, and F for each t there; what they miss in
-the idle rows a right inverse X repairs: P X = 1 + E, |E| <= q < 1, so X z with |z| <= missed / (1 - q) is added. Checked is
+the idle rows, products t t of slopes and F too, a right inverse X repairs: P X = 1 + e, |e| <= E, rows of E sum up to q < 1, so
+that X y is added, with |y| <= missed / (1 - q), thus |y| <= missed + E |y|, a few times over. With shift = |X| |y| checked is
 
     |f_t| + sum |F_t| + shift + margin <= friction (f_n - sum |F_n| - shift)      and the same of bounds and torques.
 
@@ -28,7 +29,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-KIND = "rbd.robust certificate 1"
+KIND = "rbd.robust certificate 2"
 ZERO, ONE = Fraction(0), Fraction(1)
 NO_CERTIFICATE = (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 
@@ -66,12 +67,12 @@ def data_of(given: dict[str, Any]) -> Any:
     D = SimpleNamespace(**{name: exact(value) for name, value in given.items()})
     rows, p, nu = len(D.forces), len(D.lower), len(D.motors)
     in_cones = [j for cone in D.cones for j in cone]
-    right = {len(x) for x in (*D.loads, *D.parameters, D.forces_radius, D.load_radius)} == {rows} and len(D.loads) > 0
-    right &= {len(x) for x in D.forces} == {p} == {len(D.upper)} and {len(D.torque_low), len(D.torque_high)} == {nu}
+    right = {len(x) for x in (*D.loads, *D.parameters, D.load_radius, D.forces_radius)} == {rows} and len(D.loads) > 0
+    right &= {len(x) for x in D.forces + D.forces_radius} == {p} == {len(D.upper)} and {len(D.torque_low), len(D.torque_high)} == {nu}
     right &= sorted(D.idle + D.motors) == list(range(rows)) and len(D.pushes) == len(D.loads)
     right &= all(len(S) == rows and {len(x) for x in S} == {p} and len(own) == len(D.loads) for _, S, own in D.slopes)
     right &= len(set(in_cones)) == 3 * len(D.cones) == 3 * len(D.friction) and set(in_cones) <= set(range(p))
-    if not (right and all(mu > 0 for mu in D.friction) and min(D.forces_radius + D.load_radius) >= 0):
+    if not (right and all(mu > 0 for mu in D.friction) and min(sum(D.forces_radius, D.load_radius)) >= 0):
         raise ValueError("sizes or signs of the data do not agree")
     return SimpleNamespace(**vars(D), bounded=[j for j in range(p) if j not in in_cones])
 
@@ -92,20 +93,30 @@ def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torqu
     middle, half = ([(b + s * a) / 2 for a, b in zip(low, high, strict=True)] for s in (1, -1))
     turns = [(i, [[half[i] * x for x in row] for row in S], loads) for i, S, loads in data.slopes]
     X, P, radius, rows = exact(proof["inverse"]), forces_at(data, middle), data.forces_radius, range(len(data.forces))
-    wide = [[radius[k] + sum(abs(S[k][j]) for _, S, _ in turns) for j in range(len(X))] for k in rows]
-    off = [[dot(P[k], [x[i] for x in X]) - (k == at) for i, at in enumerate(data.idle)] for k in data.idle]
-    q = max((size(e) + dot(wide[k], list(map(size, X))) for k, e in zip(data.idle, off, strict=True)), default=ZERO)
+    wide = [[r + sum(abs(S[k][j]) for _, S, _ in turns) for j, r in enumerate(radius[k])] for k in rows]
+    columns, E = [(at, [x[i] for x in X]) for i, at in enumerate(data.idle)], [[ZERO] * len(data.idle) for _ in data.idle]
+    for row, k in zip(E, data.idle, strict=True):
+        for i, (at, x) in enumerate(columns):
+            row[i] = abs(dot(P[k], x) - (k == at)) + dot(radius[k], list(map(abs, x))) + sum(abs(dot(S[k], x)) for _, S, _ in turns)
+    q = max(map(sum, E), default=ZERO)
     slack, imbalance = [-ONE] * (q >= 1), [ZERO]
     for v, (f, F, _) in enumerate(zip(exact(proof["forces"]), exact(proof["corrections"]), data.loads, strict=True)):
         missed = [[dot(P[k], G) - h * D[k] for k in rows] for h, G, D in zip(half, F, data.parameters, strict=True)]
+        left, both = [dot(row, f) - L for row, L in zip(P, load_at(data, v, middle), strict=True)], dict[Any, list[Fraction]]()
         for i, S, loads in turns:
             missed[i] = [x + dot(S[k], f) - half[i] * loads[v][k] for k, x in enumerate(missed[i])]
-        missed += [[dot(row, G) for row in S] for _, S, _ in turns for G in F]
-        spread = [size([G[j] for G in F]) for j in range(len(X))]
-        more = [size([m[k] for m in missed]) + data.load_radius[k] + radius[k] * (size(f) + size(spread)) for k in rows]
-        left = [dot(row, f) - L for row, L in zip(P, load_at(data, v, middle), strict=True)]
-        z = max((abs(left[k]) + more[k] for k in data.idle), default=ZERO) / (1 - q if q < 1 else 1)
-        shift = [z * size(x) for x in X]
+            for j, G in enumerate(F):  # products of t_i and t_j; t_i^2 is one half, and up to one half of it
+                found, share = both.get((min(i, j), max(i, j)), [ZERO] * len(P)), Fraction(1, 1 + (i == j))
+                both[min(i, j), max(i, j)] = [x + share * dot(row, G) for x, row in zip(found, S, strict=True)]
+            left = [x + y for x, y in zip(left, both[i, i], strict=True)]
+        missed += both.values()
+        spread = [abs(f[j]) + size([G[j] for G in F]) for j in range(len(X))]
+        more = [size([m[k] for m in missed]) + data.load_radius[k] + dot(radius[k], spread) for k in rows]
+        least = [abs(left[k]) + more[k] for k in data.idle]
+        y = [max(least, default=ZERO) / (1 - q if q < 1 else 1)] * len(least)
+        for _ in range(4):
+            y = [x + dot(row, y) for x, row in zip(least, E, strict=True)]
+        shift, spread = [dot(list(map(abs, x)), y) for x in X], [s - abs(x) for s, x in zip(spread, f, strict=True)]
         for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
             aside = length(f[a], f[b]) + sum(length(G[a], G[b]) for G in F) + shift[a] + shift[b]
             slack.append(mu * (f[n] - spread[n] - shift[n]) - aside)
@@ -152,13 +163,14 @@ def gap(data: Any, proof: Any, torques: str, margin: Fraction) -> Fraction:
         follows = torques == "one" or own == {k: 1} or (torques == "affine" and affine)
         if any(abs(x) > 1 for x in t) or sum(own.values()) != 1 or not follows or reach <= 0:
             raise ValueError("a member is none of the set, or its torques are none of the law")
-        blur = dot(data.forces_radius, [abs(x) for x in y])
+        blur = [dot(column, list(map(abs, y))) for column in zip(*data.forces_radius, strict=True)]
         total += dot(y, load_at(data, member["vertex"], t)) - dot(data.load_radius, [abs(x) for x in y])
         r = [dot(y, column) for column in zip(*forces_at(data, t), strict=True)]
         for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
-            total -= max(ZERO, r[n] + blur + mu * (length(r[a], r[b]) + 2 * blur)) * reach + (r[n] + blur) * margin / mu
+            up = r[n] + blur[n]
+            total -= max(ZERO, up + mu * (length(r[a], r[b]) + blur[a] + blur[b])) * reach + up * margin / mu
         for j in data.bounded:
-            total -= largest(r[j], blur, data.lower[j], data.upper[j], margin, reach)
+            total -= largest(r[j], blur[j], data.lower[j], data.upper[j], margin, reach)
         for b, s in own.items():
             sums = at_bases.get(b, [ZERO] * len(data.motors))
             at_bases[b] = [x + s * y[row] for x, row in zip(sums, data.motors, strict=True)]
