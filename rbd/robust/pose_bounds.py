@@ -26,6 +26,7 @@ from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, Unsupported
 from rbd.errors.inputs import check_kind
 from rbd.intervals import Intervals, U, above, product
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 Boxed = Mapping[str, tuple[float, float]]
@@ -102,7 +103,11 @@ class Taylor:
         return Intervals(value, above(self.rad + (n + 1) ** 2 * U * size, n * n + 4))
 
     def __getitem__(self, at: Any) -> Taylor:
-        return self._each(lambda x: np.asarray(x[(..., *(at if isinstance(at, tuple) else (at,)))]))
+        inner, lead = at if isinstance(at, tuple) else (at,), (slice(None),)
+        return Taylor(
+            np.asarray(self.mid[at]), np.asarray(self.slopes[(*lead, *inner)]), np.asarray(self.bends[(*lead, *lead, *inner)]),
+            np.asarray(self.rad[at]), self.reach,
+        )  # fmt: skip
 
     def __neg__(self) -> Taylor:
         return Taylor(-self.mid, -self.slopes, -self.bends, self.rad, self.reach)
@@ -120,20 +125,20 @@ class Taylor:
     def __matmul__(self, other: Taylor) -> Taylor:
         """A product of matrices, or of a matrix and a vector."""
         A, B, n, k = self, other, self.mid.shape[-1], len(self.reach)
+        if A.mid.ndim == 1:
+            return (A._each(lambda x: x[..., None, :]) @ B)[0]
+        if B.mid.ndim == 1:
+            return (A @ B._each(lambda x: x[..., None]))[:, 0]
         mid = product(A.mid, B.mid)
-        slopes = [a @ B.mid + A.mid @ b for a, b in zip(A.slopes, B.slopes, strict=True)]
-        bends = [[A.bends[i, j] @ B.mid + A.slopes[i] @ B.slopes[j] + A.mid @ B.bends[i, j] for j in range(k)] for i in range(k)]
+        slopes = A.slopes @ B.mid + A.mid @ B.slopes
+        bends = A.bends @ B.mid + A.slopes[:, None] @ B.slopes[None] + A.mid @ B.bends
         size_a, size_b, swing_a, swing_b, bend_a, bend_b = np.abs(A.mid), np.abs(B.mid), A.swing, B.swing, A.bend, B.bend
         square = np.outer(A.reach, A.reach)
         all_a, all_b = (np.tensordot(square, np.abs(x.bends), 2) for x in (A, B))  # before bends of i, j and j, i cancel
         kept = swing_a @ size_b + size_a @ swing_b + swing_a @ swing_b + all_a @ size_b + size_a @ all_b
         rad = mid.rad + 2 * (n + 4) * U * kept + swing_a @ bend_b + bend_a @ (swing_b + bend_b)  # rounding, and third order
         rad = rad + A.rad @ (size_b + B.moved) + (size_a + swing_a + bend_a) @ B.rad
-        shape = mid.shape
-        return Taylor(
-            mid.mid, np.array(slopes).reshape(k, *shape), np.array(bends).reshape(k, k, *shape),
-            above(rad, 3 * n + k * k + 12), A.reach,
-        )  # fmt: skip
+        return Taylor(mid.mid, slopes, bends, above(rad, 3 * n + k * k + 12), A.reach)
 
     def cross(self, other: Taylor) -> Taylor:
         """A vector product."""
@@ -209,12 +214,7 @@ class _Chain:
 
     def __init__(self, state: State, joints: Boxed) -> None:
         robot, model = state.robot, state.robot.model
-        if not isinstance(joints, Mapping):
-            raise InputError(f"joints are {joints!r:.80}; expected {{joint: (lowest, highest)}} [rad, m].")
-        self._state, self._model = state, model
-        ends = {}
-        for name, interval in joints.items():
-            ends[robot.joint_id(name)] = _interval(name, interval)
+        self._state, self._model, ends = state, model, _ends(robot, joints)
         self._ids = list(ends)
         low, high = np.array(list(ends.values())).reshape(-1, 2).T
         self._middle = 0.5 * low + 0.5 * high
@@ -248,10 +248,7 @@ class _Chain:
             self._axis.append(R @ self._fixed(axis))
             R = R @ self._turn(j, axis, q)
         else:
-            raise Unsupported(
-                f"joint {model.names[j]!r} is a {kind}: bounds over poses know revolute, continuous and prismatic joints, and "
-                "a floating base at the root, outside the box."
-            )
+            raise _unknown(model, j)
         self._R.append(R)
         self._p.append(p)
 
@@ -359,6 +356,33 @@ def _rotation(q: Array) -> Intervals:
 def _axis_of(joint: pin.JointModel) -> Array:
     """Axis of a joint along none of x, y, z."""
     return np.array(joint.extract().axis, float)
+
+
+def _ends(robot: CheckedModel, joints: Boxed) -> dict[int, tuple[float, float]]:
+    """{joint: its interval} of a box, checked."""
+    if not isinstance(joints, Mapping):
+        raise InputError(f"joints are {joints!r:.80}; expected {{joint: (lowest, highest)}} [rad, m].")
+    found = {robot.joint_id(name): _interval(name, interval) for name, interval in joints.items()}
+    for j in found:
+        if robot.model.joints[j].nv != 1:
+            raise _unknown(robot.model, j)
+    return found
+
+
+def middles(robot: CheckedModel, joints: Boxed) -> dict[str, float]:
+    """{joint: the middle of its interval} of a box.
+
+    Raises:
+        InputError, Unsupported: as of `bounds_over_poses`.
+    """
+    return {str(robot.model.names[j]): 0.5 * low + 0.5 * high for j, (low, high) in _ends(robot, joints).items()}
+
+
+def _unknown(model: pin.Model, j: int) -> Unsupported:
+    return Unsupported(
+        f"joint {model.names[j]!r} is a {model.joints[j].shortname().removeprefix('JointModel')}: bounds over poses know "
+        "revolute, continuous and prismatic joints, and a floating base at the root, outside the box."
+    )
 
 
 def _interval(name: str, given: object) -> tuple[float, float]:

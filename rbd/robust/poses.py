@@ -8,16 +8,16 @@ contacts stay as they are in the middle of the box, and their points move with t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint
+from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint, listed
 from rbd.errors import Unsupported
 from rbd.model.state import State
-from rbd.robust.pose_bounds import Boxed, Taylor, PoseBounds, bounds_over_poses
+from rbd.robust.pose_bounds import Boxed, PoseBounds, Taylor, bounds_over_poses, middles
 from rbd.robust.sets import boxes_of, masses_of, middle_of
 from rbd.robust.uncertain_loads import UncertainLoads
 
@@ -25,10 +25,43 @@ _AGREES = 1e-9
 """Bounds and the rows of contacts are the same in the middle of the box, to this."""
 
 
-def in_the_middle(state: State, joints: Boxed) -> State:
-    """The state with the joints of a box in the middle of their intervals."""
-    bounds = bounds_over_poses(state, joints)  # refuses what is none
-    return posed(state, dict(zip(bounds.joints, bounds.middle.tolist(), strict=True)))
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """A box of poses and what else is uncertain: its parts have bounds of their own.
+
+    Attributes:
+        state: The pose; joints of the box may be anywhere in it.
+        contacts: As given.
+        joints: {joint: (low, high) [rad, m]}.
+        given: Pushes, friction, mass, com and loops, as of `rbd.robust.hold`.
+    """
+
+    state: State
+    contacts: Sequence[Constraint]
+    joints: Boxed
+    given: tuple[Any, Any, Any, Any, bool]
+
+    @lazy
+    def whole(self) -> UncertainLoads:
+        """The loads over the whole box."""
+        return self._over(self.joints)
+
+    def part(self, within: Mapping[int, tuple[float, float]]) -> UncertainLoads:
+        """The loads over a part, whose numbers t of the whole's joints are within intervals."""
+        inner = dict(self.joints)
+        for i, ends in within.items():
+            name, _, q, r = self.whole.links[i]
+            low, high = (q + t * r if abs(t) < 1.0 else self.joints[name][int(t > 0.0)] for t in ends)
+            inner[name] = low, high
+        return self._over(inner)
+
+    def alone(self, joints: Mapping[str, float]) -> UncertainLoads:
+        """The loads at one pose."""
+        return UncertainLoads.of(posed(self.state, joints), self.contacts, *self.given)
+
+    def _over(self, joints: Boxed) -> UncertainLoads:
+        middle = self.alone(middles(self.state.robot, joints))
+        return over_poses(middle, listed(self.contacts), joints, self.given[2], self.given[3])
 
 
 def posed(state: State, joints: Mapping[str, float]) -> State:

@@ -144,7 +144,8 @@ def largest(
     K, sizes, lengths, torque_sizes = new(d, nu), new(k, n, p), new(k, n, len(cones)), new(*change.shape)
     one, I = np.ones((1, 1)), np.eye(max(p, nu, 1))
     turned, X = dict(turns or {}), np.zeros((p, 0)) if repair is None else repair.sizes
-    fixes = new(k, X.shape[1])
+    fixes, absolute, R = new(k, X.shape[1]), new(k, p * (repair is not None)), loads.forces_radius
+    wide = sum((np.abs(S_i) for S_i, _ in turned.values()), np.zeros_like(P))
     nothing = np.zeros_like(corners), np.zeros_like(columns)
     (along, along_columns), (beside, beside_columns) = ways or nothing, free or nothing
     fixed, takes = (0.0, 1.0) if margin is None else (margin / U, 0.0)
@@ -184,30 +185,35 @@ def largest(
         for j in limited if own or d or v == 0 else []:
             law = [(one, tau[v if own else 0, j : j + 1])]
             law += [(one * components[v, i], K[i, j : j + 1]) for i in range(d) if components is not None]
+            unsure, at_row = list[tuple[Array, Array]](), motors[j : j + 1]
+            if repair is not None and own and wide[at_row].any():  # products and repair move torques
+                either = wide[at_row] + R[at_row]
+                unsure = [((np.abs(P[at_row]) + either) @ X, fixes[v]), (R[at_row], absolute[v])]
+                unsure += [(either, sizes[v, i]) for i in range(n)]
             for sign, end in ((-1.0, -low[j]), (1.0, high[j])):
                 if np.isfinite(end):
                     row = [*[(sign * m, at) for m, at in law], (more, torque_sizes[v, :, j]), (keep, s)]
-                    above.add(row, np.array([end - fixed]))
+                    above.add([*row, *unsure], np.array([end - fixed]))
     if repair is not None:
-        idle, R = balance.state.robot.unactuated, loads.forces_radius
+        idle = robot.unactuated
         for v in range(k):
-            absolute, spent = new(p), [(R[idle], sizes[v, i]) for i in range(n)]
+            spent = [(R[idle], absolute[v]), *[(R[idle], sizes[v, i]) for i in range(n)]]
             for sign in (1.0, -1.0):
-                above.add([(sign * I[:p, :p], x[v]), (-I[:p, :p], absolute)], np.zeros(p))
+                above.add([(sign * I[:p, :p], x[v]), (-I[:p, :p], absolute[v])], np.zeros(p))
             for i, (S_i, _) in turned.items():
                 for j in range(n):
                     if j in turned and j < i:
                         continue
-                    parts = [(S_i[idle] * (0.5 if i == j else 1.0), F[v, j])]
-                    parts += [(turned[j][0][idle], F[v, i])] if j in turned and j != i else []
-                    at_rows = np.flatnonzero(sum(np.abs(part).sum(axis=1) for part, _ in parts) > 0.0)
+                    turns_i = [(S_i[idle] * (0.5 if i == j else 1.0), F[v, j])]
+                    turns_i += [(turned[j][0][idle], F[v, i])] if j in turned and j != i else []
+                    at_rows = np.flatnonzero(sum(np.abs(part).sum(axis=1) for part, _ in turns_i) > 0.0)
                     product = new(len(at_rows))
                     for sign in (1.0, -1.0):
-                        chosen = [(sign * part[at_rows], of) for part, of in parts]
+                        chosen = [(sign * part[at_rows], of) for part, of in turns_i]
                         above.add([*chosen, (-np.eye(len(at_rows)), product)], np.zeros(len(at_rows)))
                     spent.append((np.eye(len(idle))[:, at_rows], product))
             left = repair.error - np.eye(len(idle))
-            above.add([*spent, (R[idle], absolute), (left, fixes[v])], -loads.load_radius[idle] / U)
+            above.add([*spent, (left, fixes[v])], -loads.load_radius[idle] / U)
     above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
     above.add([(-one, s)], np.array([_LEAST if margin is None else 0.0]))
     if len(r):

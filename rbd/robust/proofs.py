@@ -44,6 +44,18 @@ def whole(values: Array) -> list[int]:
     return [int(x) for x in values]
 
 
+def of_set(loads: UncertainLoads) -> dict[str, Any]:
+    """The data that change with the part of a box of poses."""
+    return {
+        "forces": text(loads.balance.per_weight),
+        "forces_radius": text(loads.forces_radius),
+        "loads": text(loads.corners),
+        "load_radius": text(loads.load_radius),
+        "parameters": text(loads.columns),
+        "slopes": [[i, text(loads.turns[i][0]), text(loads.turns[i][1])] for i in sorted(loads.turns)],
+    }
+
+
 def document_of(
     loads: UncertainLoads, about: Mapping[str, Any], claim: Mapping[str, Any], proof: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -53,20 +65,14 @@ def document_of(
     data = {
         "idle": whole(robot.unactuated),
         "motors": whole(robot.actuated),
-        "forces": text(balance.per_weight),
-        "forces_radius": text(loads.forces_radius),
         "cones": [whole(cone) for cone in balance.sets.cone_columns],
         "friction": text(balance.sets.mu),
         "lower": text(balance.sets.lower),
         "upper": text(balance.sets.upper),
         "torque_low": text(np.asarray(low)),
         "torque_high": text(np.asarray(high)),
-        "loads": text(loads.corners),
-        "load_radius": text(loads.load_radius),
         "pushes": text(loads.components),
-        "parameters": text(loads.columns),
-        "slopes": [[i, text(loads.turns[i][0]), text(loads.turns[i][1])] for i in sorted(loads.turns)],
-    }
+    } | of_set(loads)
     found = {"kind": verifier.KIND, "about": dict(about), "data": data, "claim": dict(claim), "proof": dict(proof)}
     return found | {"sha256": verifier.digest(found)}
 
