@@ -7,8 +7,8 @@ Numbers of a pose change P too, by their `slopes`. A member L = sum of shares of
     P f + S^T tau = L,    |f_t| + margin <= friction f_n,    lower + margin <= f <= upper - margin,    the same of torques.
 A claim "held": each member is. Its proof has forces f at each corner of the pushes, and F for each t there. What they miss in
 the idle rows, products of slopes, F, t and t too, a right inverse X repairs: P X = 1 + e, |e| <= E, and missed + E y < y shows
-that X z is added, |z| <= y. With shift = |X| y checked is
-    |f_t| + sum |F_t| + shift + margin <= friction (f_n - sum |F_n| - shift)      and the same of bounds and torques.
+that X z is added, |z| <= y. With fix = |X| y checked is
+    |f_t| + sum |F_t| + fix + margin <= friction (f_n - sum |F_n| - fix)      and the same of bounds and torques.
 A set may be split; parts of a box of poses have their own data. Torques of "each" member, "one" for all, or "affine" in the
 push; they miss `balance` at most. A claim "refuted": some members cannot be held, together if they share torques. By virtual
 velocities y of them the sum of y . L is more than that of y . (P f + S^T tau) with numbers up to `reach`.
@@ -95,21 +95,21 @@ def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torqu
                 found, share = both.get((min(i, j), max(i, j)), [ZERO] * len(P)), Fraction(1, 1 + (i == j))
                 both[min(i, j), max(i, j)] = [x + share * dot(row, G) for x, row in zip(found, S, strict=True)]
             left = [x + y for x, y in zip(left, both[i, i], strict=True)]
-        spread = [sum((abs(G[j]) for G in F), ZERO) for j in range(len(X))]
-        used = [abs(x) + s for x, s in zip(f, spread, strict=True)]
+        size = [sum((abs(G[j]) for G in F), ZERO) for j in range(len(X))]
+        used = [abs(x) + s for x, s in zip(f, size, strict=True)]
         more = [sum((abs(m[k]) for m in [*missed, *both.values()]), data.load_radius[k]) + dot(radius[k], used) for k in rows]
         idle = y = [abs(left[k]) + more[k] for k in data.idle]
         for _ in range(24):
             y = [Fraction(math.floor((x + dot(row, y)) * 101 * 2**80) + 1, 100 * 2**80) for x, row in zip(idle, E, strict=True)]
         slack += [-ONE for x, row, bound in zip(idle, E, y, strict=True) if x + dot(row, y) >= bound]
-        shift = [dot(list(map(abs, x)), y) for x in X]
+        fix = [dot(list(map(abs, x)), y) for x in X]
         for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
-            aside = length(f[a], f[b]) + sum(length(G[a], G[b]) for G in F) + shift[a] + shift[b]
-            slack.append(mu * (f[n] - spread[n] - shift[n]) - aside)
+            aside = length(f[a], f[b]) + sum(length(G[a], G[b]) for G in F) + fix[a] + fix[b]
+            slack.append(mu * (f[n] - size[n] - fix[n]) - aside)
         for j in data.bounded:
-            slack += [s * (f[j] - x) - spread[j] - shift[j] for s, x in ((1, data.lower[j]), (-1, data.upper[j])) if x is not None]
+            slack += [s * (f[j] - x) - size[j] - fix[j] for s, x in ((1, data.lower[j]), (-1, data.upper[j])) if x is not None]
         for i, (k, least, top) in enumerate(zip(data.motors, data.torque_low, data.torque_high, strict=True)):
-            tau, about = -left[k], more[k] + sum((abs(x) + w) * s for x, w, s in zip(P[k], wide[k], shift, strict=True))
+            tau, about = -left[k], more[k] + sum((abs(x) + w) * s for x, w, s in zip(P[k], wide[k], fix, strict=True))
             if torques != "each":
                 law = exact(proof["torque"])[i] + (dot(exact(proof["gain"])[i], data.pushes[v]) if torques == "affine" else 0)
                 imbalance.append(abs(tau - law) + about)

@@ -39,7 +39,7 @@ def test_twelve_joints_of_talos_may_be_anywhere_within_a_twentieth_of_a_radian(t
 def test_legs_that_carry_talos_may_move_in_parts_of_their_box(talos, exhaustive):
     """All twelve joints of both legs within 0.04 rad, 0.05 rad in the exhaustive run, in parts with bounds of their own.
 
-    A part whose data are said to be of another part is refused; poses at the ends of the intervals are held by one program each.
+    A part with the data of another one is refused; poses at the ends of the intervals are held by one program each.
     """
     state, soles, width = talos.standing(), talos.soles(0.5, on=None), 0.05 if exhaustive else 0.04
     legs = [f"leg_{side}_{i}_joint" for side in ("left", "right") for i in range(1, 7)]
