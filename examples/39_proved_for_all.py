@@ -74,6 +74,8 @@ def main(show: bool = True) -> Result:
             scene.show(state)
             scene.draw(held, limits)
             print(f"Open {scene.export(page)} in a browser: the pushes that are proved, and both outlines.")
+        members = held.export(page.with_name("39_members.html"))
+        print(f"Open {members}: sliders move one member within the set, and beyond it.")
     return Result(held, read, refuted, limits)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, check_number, check_whole
 from rbd.constraints.constraint import Constraint
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import NoSolution
 from rbd.errors.inputs import check_choice
 from rbd.model.output_files import write_text
@@ -99,6 +99,10 @@ class RobustHold(_Certified, Displayed):
         while "split" in part:
             part = part["below"]
         return np.array([[float(Fraction(x)) for x in row] for row in part["forces"]])
+
+    def export(self, path: str | Path) -> Path:
+        """Write a page whose sliders move one member within the set, with its forces: see `rbd.visual.export_members`."""
+        return Path(drawing("export_members")(self, path))
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("proved", (), "", "whether every member can be held: it can"),
