@@ -70,7 +70,7 @@ def main(show: bool = True) -> Result:
 
         page = Path("out/39_proved_for_all.html")
         page.parent.mkdir(exist_ok=True)
-        with Scene(talos) as scene:
+        with Scene(talos, arrow_per_weight=4.0) as scene:  # metres: pushes are a tenth of it
             scene.show(state)
             scene.draw(held, limits)
             print(f"Open {scene.export(page)} in a browser: the pushes that are proved, and both outlines.")

@@ -99,7 +99,7 @@ function arrow(from, to, color) {
   pen.lineTo(u - head * a + 5 * b, v - head * b - 5 * a); pen.fill();
 }
 function draw() {
-  const m = member(), out = m.beyond.length > 0, add = (p, f) => p.map((x, i) => x + D.metres * f[i]);
+  const m = member(), out = m.beyond.length > 0, add = (p, f, scale = D.metres) => p.map((x, i) => x + scale * f[i]);
   document.body.className = out ? "beyond" : "";
   document.getElementById("says").textContent = out ? "Beyond the set by " + m.beyond.join(", ") + ": nothing is proved here." :
     "Held: " + fixed(m.slack, 3) + " N, N m to the nearest limit; proved for all members: " + fixed(D.margin, 3) + ".";
@@ -109,7 +109,10 @@ function draw() {
     pen.fillStyle = "rgb(" + [shade, shade, shade] + ")"; pen.fillRect(x - 2.5, y - 2.5, 5, 5);
   }
   if (!out) for (const p of m.names) arrow(p.at, add(p.at, p.force), "#2c7a3f");
-  if (D.at) { const to = add(D.at, m.push); arrow(D.at, to, out ? "#c4161c" : "#b8560f"); }
+  if (D.at) arrow(D.at, add(D.at, m.push, D.push_metres), out ? "#c4161c" : "#b8560f");
+  if (D.at) for (const push of D.pushes) {
+    const [x, y] = place(add(D.at, push, D.push_metres)); pen.fillStyle = "#b8560f"; pen.fillRect(x - 3, y - 3, 6, 6);
+  }
   const used = out ? [] : [["cones of friction, at most", m.cone], ["torque limits, at most", m.motor]];
   document.getElementById("used").innerHTML = used.map(([name, x]) => "<tr><td>" + name + "<td><span class=bar style='width:" +
     Math.round(120 * Math.min(1, x)) + "px'></span><td>" + (100 * x).toFixed(1) + " %").join("");
@@ -167,6 +170,7 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
         "surface": np.column_stack([places.round(3), shade]).tolist(), "middle": (0.5 * (low + high)).tolist(),
         "scale": 470.0 / float((high - low).max()), "metres": 0.5 * float((high - low).max()) / loads.balance.unit,
         "sliders": sliders, "kinds": kinds, "margin": held.margin, "points": _points(held),
+        "push_metres": 0.3 * float((high - low).max()) / max(float(np.linalg.norm(loads.components, axis=1).max()), 1e-9),
         "pushes": loads.components.tolist(), "simplices": _simplices(loads.components),
         "size": 1.0 + float(np.abs(loads.components).max(initial=0.0)),
         "forces": held.forces.tolist(), "corrections": _numbers(held.document["proof"]["corrections"]),
@@ -176,7 +180,9 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
         "high": [x if np.isfinite(x) else None for x in np.asarray(limits[1]).tolist()],
         "at": state.frame(loads.pushes[0].frame, loads.pushes[0].offset).X_WF.translation.tolist() if loads.pushes else None,
     }  # fmt: skip
-    title, about = html.escape(f"{robot.name}: every member is held"), html.escape(f"{held} rbd {VERSION}.")
+    title, about = html.escape(f"{robot.name}: every member is held"), html.escape(
+        f"{held} Squares are the corners of the push, at a scale of their own. rbd {VERSION}."
+    )
     target = Path(os.path.expanduser(path))
     write_page(target, _PAGE.substitute(title=title, about=about, data=script_safe(json.dumps(data))))
     return target
