@@ -318,7 +318,9 @@ def _about(loads: UncertainLoads) -> dict[str, Any]:
         "numbers": list(loads.names),
         "links": [list(link) for link in loads.links],
         "rounding": "forces_radius and load_radius bound 100 operations a joint, of relative error 2^-53 each, from the "
-        "robot's file to these numbers: stated, and not checked by the verifier",
+        "robot's file to these numbers: 66 of its rotation (22 an entry, three times that as an error of all it carries), 4 of "
+        "its place, 30 of axes, masses and sums; over a box of joints interval arithmetic bounds the rest. Stated, and not "
+        "checked by the verifier",
     }
 
 

@@ -7,6 +7,8 @@ import pytest
 
 import rbd
 from rbd.robust import Counterexample, PushSet, RobustHold, hold, verifier
+from rbd.robust.poses import over_poses
+from rbd.robust.uncertain_loads import UncertainLoads
 
 
 def around(robot: rbd.Robot, state: rbd.State, joints: list[str], width: float) -> dict[str, tuple[float, float]]:
@@ -74,6 +76,20 @@ def test_loads_and_forces_of_a_pose_are_within_their_bounds():
         load = pose.h - pose.frame("base_link").J[:3].T @ loads.components[2]
         assert (np.abs(loads.load(2, t) - load) <= loads.load_radius).all()
         assert np.abs(loads.load(2, np.where(np.arange(4) == column - 1, t, 0.0)) - load).max() > loads.load_radius.max()
+
+
+@pytest.mark.parametrize("name", ["solo12", "talos"])
+def test_the_stated_rounding_holds_what_intervals_say_of_the_file(name):
+    """Interval arithmetic from the robot's file to what unit forces do, and to gravity, stays within the stated radii."""
+    robot = rbd.load_robot(name)
+    state = robot.standing()
+    contacts = robot.feet(friction=0.7) if name == "solo12" else robot.soles(friction=0.7)
+    joint = next(n for n in robot.joints if robot.model.joints[robot.joint_id(n)].nq == 1)
+    loads = UncertainLoads.of(state, contacts)
+    exact = over_poses(loads, contacts, around(robot, state, [joint], 0.0))
+    off = np.abs(exact.balance.per_weight - loads.balance.per_weight) + (exact.forces_radius - loads.forces_radius)
+    assert (off <= loads.forces_radius).all() and off.max() > 1e-3 * loads.forces_radius.max()
+    assert (np.abs(exact.corners - loads.corners) + (exact.load_radius - loads.load_radius) <= loads.load_radius).all()
 
 
 def test_a_pose_that_falls_is_found(talos):
