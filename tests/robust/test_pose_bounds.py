@@ -8,6 +8,7 @@ import pytest
 
 import rbd
 from rbd.robust.pose_bounds import Taylor, bounds_over_poses
+from rbd.robust.poses import posed
 
 ROUNDED = 1e-11
 """Far above the rounding of Pinocchio's own evaluation, in m and N m, far below the remainders that are tested."""
@@ -109,6 +110,23 @@ def test_the_range_holds_what_every_member_has():
     found = bounds.com.range
     assert found.lower[2] <= min(heights) and max(heights) <= found.upper[2]
     assert found.width[2] <= (max(heights) - min(heights)) + 4.0 * (bounds.com.bend + bounds.com.rad)[2]
+
+
+def test_joints_without_end_are_angles():
+    """Continuous joints have (cos, sin) among their coordinates; boxes are of their angles, in any turn."""
+    robot = rbd.load_robot("kinova", root="fixed")
+    box = {"j2s6s200_joint_1": (3.0, 3.3), "j2s6s200_joint_4": (-0.2, 0.1), "j2s6s200_joint_2": (2.9, 3.0)}
+    rng = np.random.default_rng(7)
+    state = robot.at()
+    bounds = bounds_over_poses(state, box, {"hand": ("j2s6s200_end_effector", (0.0, 0.0, 0.1))})
+    for _ in range(8):
+        values = {name: float(rng.choice(ends) if rng.random() < 0.3 else rng.uniform(*ends)) for name, ends in box.items()}
+        pose = posed(state, values)
+        d = bounds.difference(values)
+        hand = pose.frame("j2s6s200_end_effector", (0.0, 0.0, 0.1))
+        assert outside(bounds.points["hand"], d, hand.X_WF.translation) <= ROUNDED
+        assert outside(bounds.jacobians["hand"], d, hand.J[:3]) <= ROUNDED
+        assert outside(bounds.gravity, d, pose.h) <= ROUNDED
 
 
 def test_boxes_and_joints_that_make_no_sense_are_refused():
