@@ -7,6 +7,7 @@ contacts stay as they are in the middle of the box, and their points move with t
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,11 +16,12 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, listed
-from rbd.errors import Unsupported
+from rbd.errors import DistantContactWarning, Unsupported
 from rbd.model.state import State
 from rbd.robust.pose_bounds import Boxed, PoseBounds, Taylor, bounds_over_poses, middles
 from rbd.robust.sets import boxes_of, masses_of, middle_of
 from rbd.robust.uncertain_loads import UncertainLoads
+from rbd.statics.force_balance import ForceBalance
 
 _AGREES = 1e-9
 """Bounds and the rows of contacts are the same in the middle of the box, to this."""
@@ -44,7 +46,7 @@ class Poses:
     @lazy
     def whole(self) -> UncertainLoads:
         """The loads over the whole box."""
-        return self._over(self.joints)
+        return self._over(self.joints, None)
 
     def part(self, within: Mapping[int, tuple[float, float]]) -> UncertainLoads:
         """The loads over a part, whose numbers t of the whole's joints are within intervals."""
@@ -53,15 +55,17 @@ class Poses:
             name, _, q, r = self.whole.links[i]
             low, high = (q + t * r if abs(t) < 1.0 else self.joints[name][int(t > 0.0)] for t in ends)
             inner[name] = low, high
-        return self._over(inner)
+        return self._over(inner, self.whole.balance)  # planes stay as in the middle of the whole
 
     def alone(self, joints: Mapping[str, float]) -> UncertainLoads:
         """The loads at one pose."""
-        return UncertainLoads.of(posed(self.state, joints), self.contacts, *self.given)
+        with warnings.catch_warnings():  # points move with their links, off planes that stay: that is what the box means
+            warnings.simplefilter("ignore", DistantContactWarning)
+            return UncertainLoads.of(posed(self.state, joints), self.contacts, *self.given)
 
-    def _over(self, joints: Boxed) -> UncertainLoads:
+    def _over(self, joints: Boxed, planes: ForceBalance | None) -> UncertainLoads:
         middle = self.alone(middles(self.state.robot, joints))
-        return over_poses(middle, listed(self.contacts), joints, self.given[2], self.given[3])
+        return over_poses(middle, listed(self.contacts), joints, self.given[2], self.given[3], planes)
 
 
 def posed(state: State, joints: Mapping[str, float]) -> State:
@@ -74,7 +78,12 @@ def posed(state: State, joints: Mapping[str, float]) -> State:
 
 
 def over_poses(
-    loads: UncertainLoads, contacts: Sequence[Constraint], joints: Boxed, mass: Any = None, com: Any = None
+    loads: UncertainLoads,
+    contacts: Sequence[Constraint],
+    joints: Boxed,
+    mass: Any = None,
+    com: Any = None,
+    planes: ForceBalance | None = None,
 ) -> UncertainLoads:
     """The loads over a box of poses.
 
@@ -84,6 +93,7 @@ def over_poses(
         joints: {joint: (low, high) [rad, m]}.
         mass: As of `rbd.robust.hold`.
         com: As of `rbd.robust.hold`.
+        planes: Whose contacts' axes are kept; None: those of the loads.
 
     Raises:
         Unsupported: contacts that do not act at points of one link, on the ground; pushes with moments; joints of other kinds.
@@ -106,7 +116,7 @@ def over_poses(
         for axis in range(3):
             points[f"link/{link}/{axis}"] = link, middle_of(robot, link) + widths[axis] * np.eye(3)[axis]
     bounds = bounds_over_poses(state, joints, points)
-    return _with(loads, bounds, heavy, boxes)
+    return _with(loads, bounds, heavy, boxes, planes)
 
 
 def _offsets(state: State, contact: Constraint, row: Any) -> Array:
@@ -120,11 +130,17 @@ def _offsets(state: State, contact: Constraint, row: Any) -> Array:
     return np.array([X_WF.actInv(p) for p in np.atleast_2d(patch.corners_W)])
 
 
-def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], boxes: Mapping[int, Any]) -> UncertainLoads:
+def _with(
+    loads: UncertainLoads,
+    bounds: PoseBounds,
+    heavy: Mapping[int, Any],
+    boxes: Mapping[int, Any],
+    planes: ForceBalance | None,
+) -> UncertainLoads:
     robot, sets, reach = loads.state.robot, loads.balance.sets, bounds.reach
     g = Taylor.fixed(robot.gravity, reach)
     P: Taylor | None = None
-    for i, row in enumerate(loads.balance.rows):
+    for i, row in enumerate((planes or loads.balance).rows):
         given = sets.point_map(i)
         if given is None or row.patch is None:
             raise Unsupported(
@@ -134,7 +150,7 @@ def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], b
             act = Taylor.fixed(row.patch.axes @ given[3 * k : 3 * k + 3], reach)
             part = bounds.jacobians[f"{row.name}/{k}"].T @ act
             P = part if P is None else P + part
-    if P is None or np.abs(P.mid - loads.balance.per_weight).max() > _AGREES * (1.0 + np.abs(P.mid).max()):
+    if P is None or (planes is None and np.abs(P.mid - loads.balance.per_weight).max() > _AGREES * (1.0 + np.abs(P.mid).max())):
         raise Unsupported(
             "what the contacts' forces do is not known over a box of joints; give point or surface contacts on the ground."
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -41,9 +43,9 @@ def test_twelve_joints_of_talos_may_be_anywhere_within_a_twentieth_of_a_radian(t
 def test_legs_that_carry_talos_may_move_in_parts_of_their_box(talos, exhaustive):
     """All twelve joints of both legs within 0.04 rad, 0.05 rad in the exhaustive run, in parts with bounds of their own.
 
-    A part with the data of another one is refused; poses at the ends of the intervals are held by one program each.
+    A part with the data of another one is refused; loads and forces of random members are within the data of theirs.
     """
-    state, soles, width = talos.standing(), talos.soles(0.5, on=None), 0.05 if exhaustive else 0.04
+    state, soles, width = talos.standing(), talos.soles(0.5), 0.05 if exhaustive else 0.04
     legs = [f"leg_{side}_{i}_joint" for side in ("left", "right") for i in range(1, 7)]
     box = around(talos, state, legs, width)
     found = hold(state, soles, joints=box)
@@ -53,9 +55,40 @@ def test_legs_that_carry_talos_may_move_in_parts_of_their_box(talos, exhaustive)
     with pytest.raises(ValueError, match="another part"):
         verifier.verify(swapped | {"sha256": verifier.digest(swapped)})
     rng = np.random.default_rng(6)
-    for _ in range(1000 if exhaustive else 4):
-        pose = posed(talos, state, {name: rng.choice(ends) for name, ends in box.items()})
-        assert rbd.hold(pose, soles).margins is not None
+    for _ in range(1000 if exhaustive else 6):
+        t = rng.choice([-1.0, 1.0], 12) * rng.uniform(0.0, 1.0, 12) ** rng.integers(2)
+        pose = posed(talos, state, found.loads.member(0, t).joints)
+        part, u = part_of(proof, t)
+        P, radius, S = (floats(x) for x in (part["forces"], part["forces_radius"], [each[1] for each in part["slopes"]]))
+        assert (np.abs(forces_of(found, pose, soles) - P - np.tensordot(u, S, 1)) <= radius).all()
+        load = floats(part["loads"])[0] + u @ floats(part["parameters"])
+        assert (np.abs(pose.h - load) <= floats(part["load_radius"])).all()
+
+
+def floats(x: object) -> np.ndarray:
+    """Numbers of a certificate."""
+    return np.vectorize(lambda text: float(Fraction(text)), otypes=[float])(np.array(x, dtype=object))
+
+
+def part_of(proof: dict, t: np.ndarray) -> tuple[dict, np.ndarray]:
+    """(data of the part with a member, its numbers there)."""
+    low, high = -np.ones(len(t)), np.ones(len(t))
+    while "split" in proof:
+        i, at = proof["split"], float(Fraction(proof["at"]))
+        (high if t[i] <= at else low)[i] = at
+        proof = proof["below" if t[i] <= at else "above"]
+    return proof["data"], (2.0 * t - low - high) / (high - low)
+
+
+def forces_of(found: RobustHold, pose: rbd.State, contacts: list) -> np.ndarray:
+    """What unit contact forces do at a pose, their planes as in the middle of the whole box."""
+    balance, P = found.loads.balance, 0.0
+    for i, (contact, row) in enumerate(zip(contacts, balance.rows, strict=True)):
+        act, X_WF = balance.sets.point_map(i), balance.state.frame(contact.frame).X_WF
+        for k, corner in enumerate(row.patch.corners_W):
+            J = pose.frame(contact.frame, X_WF.actInv(corner)).J[:3]
+            P = P + J.T @ row.patch.axes @ act[3 * k : 3 * k + 3]
+    return P
 
 
 def test_loads_and_forces_of_a_pose_are_within_their_bounds():
