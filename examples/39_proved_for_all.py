@@ -70,10 +70,12 @@ def main(show: bool = True) -> Result:
 
         page = Path("out/39_proved_for_all.html")
         page.parent.mkdir(exist_ok=True)
-        with Scene(talos) as scene:
+        with Scene(talos, arrow_per_weight=4.0) as scene:  # metres: pushes are a tenth of it
             scene.show(state)
             scene.draw(held, limits)
             print(f"Open {scene.export(page)} in a browser: the pushes that are proved, and both outlines.")
+        members = held.export(page.with_name("39_members.html"))
+        print(f"Open {members}: sliders move one member within the set, and beyond it.")
     return Result(held, read, refuted, limits)
 
 

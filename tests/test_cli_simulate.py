@@ -25,7 +25,7 @@ def run(*arguments: str) -> tuple[int, str, str]:
     return answer.exit_code, answer.stdout, answer.stderr
 
 
-def test_a_pushed_robot_is_told_from_push_to_proof(tmp_path):
+def test_a_pushed_robot_is_told_from_push_to_certificate(tmp_path):
     """Solo12 holds its posture on its feet against two pushes; the tables, and the same numbers in the files."""
     code, out, _ = run(
         "solo12", "--duration", "0.2", "--push", "2,0,0", "--push", "-2,1,0", "--at", "base_link", "--from", "0.05",

@@ -190,7 +190,7 @@ def test_recorded_moments_that_are_wrong_are_a_failure(kind: str, monkeypatch: p
     assert found.outcome == "failure" and "moment 0" in found.why, found
 
 
-def test_errors_that_are_not_ours_and_false_proofs_are_failures(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_that_are_not_ours_and_false_certificates_are_failures(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bare ValueError, a warning of NumPy; and a contradiction that is claimed of rows that agree."""
     i = _first("arrays", "random", solver="ProxQP")
     right = rbd.ProxQP.solve

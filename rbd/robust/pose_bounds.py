@@ -2,11 +2,12 @@
 
 With d = q - q0 the distances of the joints of the box from its middle, |d_i| <= r_i, each quantity is
 
-    x(q) = mid + sum_i d_i slopes_i + remainder,      |remainder| <= rad
+    x(q) = mid + sum_i d_i slopes_i + sum_ij d_i d_j bends_ij + remainder,      |remainder| <= rad
 
-for every q of the box. Sums and products of such forms are again such forms: what is of second order in d, and all rounding,
-goes into rad, which is bounded by the arithmetic of `rbd.intervals`. So rad falls with the square of the box, down to rounding.
-A joint's rotation enters by sin(q0 + d) = sin q0 + d cos q0 + e, |e| <= d^2 / 2, and cos alike; the chain is multiplied out.
+for every q of the box. Sums and products of such forms are again such forms: what is of third order in d, and all rounding,
+goes into rad, which is bounded by the arithmetic of `rbd.intervals`. So rad falls with the cube of the box, down to rounding.
+A joint's rotation enters by sin(q0 + d) = sin q0 + d cos q0 - d^2/2 sin q0 + e, |e| <= |d|^3 / 6, and cos alike; the chain is
+multiplied out.
 
 Of Pinocchio only the model's data are used, as exact doubles: placements of joints and frames, axes, masses, centres of mass,
 gravity; and of the state q, whose base quaternion is a rotation up to rounding.
@@ -14,8 +15,8 @@ gravity; and of the state q, whose base quaternion is a rotation up to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, Unsupported
 from rbd.errors.inputs import check_kind
 from rbd.intervals import Intervals, U, above, product
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 Boxed = Mapping[str, tuple[float, float]]
@@ -32,26 +34,28 @@ _AXES = {"X": np.eye(3)[0], "Y": np.eye(3)[1], "Z": np.eye(3)[2]}
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
-    """An array that depends on d almost linearly: |x(d) - mid - sum_i d_i slopes_i| <= rad for all |d_i| <= reach_i.
+class Taylor:
+    """An array as a polynomial of d: |x(d) - mid - sum_i d_i slopes_i - sum_ij d_i d_j bends_ij| <= rad for |d_i| <= reach_i.
 
     Attributes:
         mid: Value at the middle of the box, shape S.
         slopes: Rates with each d_i, shape (k, *S).
+        bends: Of second order, shape (k, k, *S); of i and j both count.
         rad: Bounds of the remainder, shape S.
         reach: Largest |d_i|, shape (k,).
     """
 
     mid: Array
     slopes: Array
+    bends: Array
     rad: Array
     reach: Array
 
     @classmethod
-    def fixed(cls, x: Intervals | Array, reach: Array) -> Linear:
+    def fixed(cls, x: Intervals | Array, reach: Array) -> Taylor:
         """What does not depend on d."""
-        given = Intervals.exact(x)
-        return cls(given.mid, np.zeros((len(reach), *given.shape)), given.rad, reach)
+        given, k = Intervals.exact(x), len(reach)
+        return cls(given.mid, np.zeros((k, *given.shape)), np.zeros((k, k, *given.shape)), given.rad, reach)
 
     @property
     def swing(self) -> Array:
@@ -59,78 +63,105 @@ class Linear:
         return above(np.tensordot(self.reach, np.abs(self.slopes), 1), len(self.reach) + 1)
 
     @property
-    def range(self) -> Intervals:
-        """Intervals that contain it for all d of the box."""
-        return Intervals(self.mid, above(self.swing + self.rad, 1))
+    def bend(self) -> Array:
+        """Bounds of |sum_ij d_i d_j bends_ij|, shape S."""
+        both = np.abs(self.bends + np.swapaxes(self.bends, 0, 1))
+        return above(0.5 * np.tensordot(np.outer(self.reach, self.reach), both, 2), len(self.reach) ** 2 + 4)
 
     @property
-    def T(self) -> Linear:
+    def moved(self) -> Array:
+        """Bounds of |x(d) - mid|, shape S."""
+        return above(self.swing + self.bend + self.rad, 2)
+
+    @property
+    def range(self) -> Intervals:
+        """Intervals that contain it for all d of the box."""
+        return Intervals(self.mid, self.moved)
+
+    @property
+    def straight(self) -> Taylor:
+        """The same without bends: d_i^2 is half its largest, and up to half of that; of other products nothing but bounds."""
+        k, square = len(self.reach), np.diag(self.reach**2)
+        middle = 0.5 * np.tensordot(square, self.bends, 2)
+        spread = self.bend - 0.5 * np.tensordot(square, np.abs(self.bends), 2)
+        mid = self.mid + middle
+        size = np.abs(mid) + np.tensordot(square, np.abs(self.bends), 2)
+        rad = above(self.rad + spread + (k * k + 8) * U * (size + self.bend), 4)
+        return Taylor(mid, self.slopes, np.zeros_like(self.bends), rad, self.reach)
+
+    @property
+    def T(self) -> Taylor:
         """The transpose of a matrix."""
-        return Linear(self.mid.T, np.swapaxes(self.slopes, 1, 2), self.rad.T, self.reach)
+        return self._each(lambda x: np.swapaxes(x, -2, -1))
 
     def at(self, d: Array) -> Intervals:
         """Intervals that contain it at one d, shape (k,)."""
-        n = len(self.reach)
-        value = self.mid + np.tensordot(d, self.slopes, 1)
+        n, both = len(self.reach), np.outer(d, d)
+        value = self.mid + np.tensordot(d, self.slopes, 1) + np.tensordot(both, self.bends, 2)
         size = np.abs(self.mid) + np.tensordot(np.abs(d), np.abs(self.slopes), 1)
-        return Intervals(value, above(self.rad + (n + 1) * U * size, n + 4))
+        size += np.tensordot(np.abs(both), np.abs(self.bends), 2)
+        return Intervals(value, above(self.rad + (n + 1) ** 2 * U * size, n * n + 4))
 
-    def __getitem__(self, at: Any) -> Linear:
-        inner = at if isinstance(at, tuple) else (at,)
-        return Linear(
-            np.asarray(self.mid[at]), np.asarray(self.slopes[(slice(None), *inner)]), np.asarray(self.rad[at]), self.reach,
+    def __getitem__(self, at: Any) -> Taylor:
+        inner, lead = at if isinstance(at, tuple) else (at,), (slice(None),)
+        return Taylor(
+            np.asarray(self.mid[at]), np.asarray(self.slopes[(*lead, *inner)]), np.asarray(self.bends[(*lead, *lead, *inner)]),
+            np.asarray(self.rad[at]), self.reach,
         )  # fmt: skip
 
-    def __neg__(self) -> Linear:
-        return Linear(-self.mid, -self.slopes, self.rad, self.reach)
+    def __neg__(self) -> Taylor:
+        return Taylor(-self.mid, -self.slopes, -self.bends, self.rad, self.reach)
 
-    def __add__(self, other: Linear) -> Linear:
-        mid, slopes = self.mid + other.mid, self.slopes + other.slopes
-        rounding = U * (np.abs(mid) + np.tensordot(self.reach, np.abs(slopes), 1))
-        return Linear(mid, slopes, above(self.rad + other.rad + rounding, len(self.reach) + 5), self.reach)
+    def __add__(self, other: Taylor) -> Taylor:
+        mid, slopes, bends = self.mid + other.mid, self.slopes + other.slopes, self.bends + other.bends
+        kept = Taylor(mid, slopes, bends, np.zeros_like(mid), self.reach)
+        sizes = np.tensordot(np.outer(self.reach, self.reach), np.abs(bends), 2)
+        rounding = U * (np.abs(mid) + kept.swing + sizes)
+        return Taylor(mid, slopes, bends, above(self.rad + other.rad + rounding, len(self.reach) ** 2 + 5), self.reach)
 
-    def __sub__(self, other: Linear) -> Linear:
+    def __sub__(self, other: Taylor) -> Taylor:
         return self + (-other)
 
-    def __matmul__(self, other: Linear) -> Linear:
+    def __matmul__(self, other: Taylor) -> Taylor:
         """A product of matrices, or of a matrix and a vector."""
-        A, B, n = self, other, self.mid.shape[-1]
+        A, B, n, k = self, other, self.mid.shape[-1], len(self.reach)
+        if A.mid.ndim == 1:
+            return (A._each(lambda x: x[..., None, :]) @ B)[0]
+        if B.mid.ndim == 1:
+            return (A @ B._each(lambda x: x[..., None]))[:, 0]
         mid = product(A.mid, B.mid)
-        left = np.array([a @ B.mid for a in A.slopes]).reshape(len(A.reach), *mid.shape)
-        right = np.array([A.mid @ b for b in B.slopes]).reshape(len(A.reach), *mid.shape)
-        swing_a, swing_b, size_a, size_b = A.swing, B.swing, np.abs(A.mid), np.abs(B.mid)
-        linear = swing_a @ size_b + size_a @ swing_b
-        rad = mid.rad + (n + 2) * U * linear + swing_a @ swing_b  # rounding of the slopes, and terms of second order
-        rad = rad + A.rad @ (size_b + swing_b + B.rad) + (size_a + swing_a) @ B.rad
-        return Linear(mid.mid, left + right, above(rad, 2 * n + len(A.reach) + 8), A.reach)
+        slopes = A.slopes @ B.mid + A.mid @ B.slopes
+        bends = A.bends @ B.mid + A.slopes[:, None] @ B.slopes[None] + A.mid @ B.bends
+        size_a, size_b, swing_a, swing_b, bend_a, bend_b = np.abs(A.mid), np.abs(B.mid), A.swing, B.swing, A.bend, B.bend
+        square = np.outer(A.reach, A.reach)
+        all_a, all_b = (np.tensordot(square, np.abs(x.bends), 2) for x in (A, B))  # before bends of i, j and j, i cancel
+        kept = swing_a @ size_b + size_a @ swing_b + swing_a @ swing_b + all_a @ size_b + size_a @ all_b
+        rad = mid.rad + 2 * (n + 4) * U * kept + swing_a @ bend_b + bend_a @ (swing_b + bend_b)  # rounding, and third order
+        rad = rad + A.rad @ (size_b + B.moved) + (size_a + swing_a + bend_a) @ B.rad
+        return Taylor(mid.mid, slopes, bends, above(rad, 3 * n + k * k + 12), A.reach)
 
-    def cross(self, other: Linear) -> Linear:
+    def cross(self, other: Taylor) -> Taylor:
         """A vector product."""
         return self.skew @ other
 
     @property
-    def skew(self) -> Linear:
+    def skew(self) -> Taylor:
         """The matrix [x] with [x] y = x times y, of a vector."""
         S = np.zeros((3, 3, 3))
         S[0, 1, 2] = S[1, 2, 0] = S[2, 0, 1] = -1.0
         S[0, 2, 1] = S[1, 0, 2] = S[2, 1, 0] = 1.0
-        return Linear(self.mid @ _flat(S), self.slopes @ _flat(S), self.rad @ np.abs(_flat(S)), self.reach)._square()
+        by = np.moveaxis(S, 2, 0)
+        found = self._each(lambda x: np.tensordot(x, by, 1))
+        return replace(found, rad=np.tensordot(self.rad, np.abs(by), 1))
 
-    def _square(self) -> Linear:
-        return Linear(self.mid.reshape(3, 3), self.slopes.reshape(-1, 3, 3), self.rad.reshape(3, 3), self.reach)
-
-
-def _flat(S: Array) -> Array:
-    """(3, 9): entries of [x] by those of x."""
-    return np.moveaxis(S, 2, 0).reshape(3, 9)
+    def _each(self, change: Callable[[Array], Array]) -> Taylor:
+        return Taylor(change(self.mid), change(self.slopes), change(self.bends), change(self.rad), self.reach)
 
 
-def stacked(columns: Sequence[Linear]) -> Linear:
+def stacked(columns: Sequence[Taylor]) -> Taylor:
     """Vectors of n entries as the columns of a matrix; numbers as a vector."""
-    return Linear(
-        np.stack([c.mid for c in columns], axis=-1), np.stack([c.slopes for c in columns], axis=-1),
-        np.stack([c.rad for c in columns], axis=-1), columns[0].reach,
-    )  # fmt: skip
+    parts = [np.stack([getattr(c, name) for c in columns], axis=-1) for name in ("mid", "slopes", "bends", "rad")]
+    return Taylor(parts[0], parts[1], parts[2], parts[3], columns[0].reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +181,10 @@ class PoseBounds:
     joints: tuple[str, ...]
     middle: Array
     reach: Array
-    points: Mapping[str, Linear]
-    jacobians: Mapping[str, Linear]
-    com: Linear
-    gravity: Linear
+    points: Mapping[str, Taylor]
+    jacobians: Mapping[str, Taylor]
+    com: Taylor
+    gravity: Taylor
 
     def difference(self, q: Mapping[str, float]) -> Array:
         """D of values of the joints of the box, shape (k,)."""
@@ -183,23 +214,18 @@ class _Chain:
 
     def __init__(self, state: State, joints: Boxed) -> None:
         robot, model = state.robot, state.robot.model
-        if not isinstance(joints, Mapping):
-            raise InputError(f"joints are {joints!r:.80}; expected {{joint: (lowest, highest)}} [rad, m].")
-        self._state, self._model = state, model
-        ends = {}
-        for name, interval in joints.items():
-            ends[robot.joint_id(name)] = _interval(name, interval)
+        self._state, self._model, ends = state, model, _ends(robot, joints)
         self._ids = list(ends)
         low, high = np.array(list(ends.values())).reshape(-1, 2).T
         self._middle = 0.5 * low + 0.5 * high
         self._reach = np.asarray(np.nextafter(np.maximum(high - self._middle, self._middle - low), np.inf))
         self._R, self._p = [self._fixed(np.eye(3))], [self._fixed(np.zeros(3))]
-        self._axis: list[Linear | None] = [None]
+        self._axis: list[Taylor | None] = [None]
         for j in range(1, model.njoints):
             self._place(j)
 
-    def _fixed(self, x: Intervals | Array) -> Linear:
-        return Linear.fixed(x, self._reach)
+    def _fixed(self, x: Intervals | Array) -> Taylor:
+        return Taylor.fixed(x, self._reach)
 
     def _place(self, j: int) -> None:
         """R_WJ and p_WJ of joint j, and its axis in W."""
@@ -222,14 +248,11 @@ class _Chain:
             self._axis.append(R @ self._fixed(axis))
             R = R @ self._turn(j, axis, q)
         else:
-            raise Unsupported(
-                f"joint {model.names[j]!r} is a {kind}: bounds over poses know revolute, continuous and prismatic joints, and "
-                "a floating base at the root, outside the box."
-            )
+            raise _unknown(model, j)
         self._R.append(R)
         self._p.append(p)
 
-    def _slide(self, j: int, axis: Array, q: Array) -> Linear:
+    def _slide(self, j: int, axis: Array, q: Array) -> Taylor:
         """Axis times q."""
         if j not in self._ids:
             return self._fixed(Intervals.exact(axis) * q[0])
@@ -238,7 +261,7 @@ class _Chain:
         out.slopes[i] = axis
         return out
 
-    def _turn(self, j: int, axis: Array, q: Array) -> Linear:
+    def _turn(self, j: int, axis: Array, q: Array) -> Taylor:
         """Cos 1 + sin [a] + (1 - cos) a a^T."""
         c_a, s_a, outer = np.eye(3), self._fixed(axis).skew.mid, Intervals.exact(axis[:, None]) * axis[None, :]
         if j not in self._ids:
@@ -249,12 +272,12 @@ class _Chain:
         angle = Intervals.exact(self._middle[i : i + 1])
         c, s = angle.cos()[0], angle.sin()[0]
         rest = Intervals.exact(c_a) - outer
-        value, rate = outer + rest * c + s * s_a, c * s_a - rest * s
+        value, rate, bend = outer + rest * c + s * s_a, c * s_a - rest * s, (rest * c + s * s_a) * -0.5
         out = self._fixed(value)
-        out.slopes[i] = rate.mid
+        out.slopes[i], out.bends[i, i] = rate.mid, bend.mid
         r = float(self._reach[i])
-        second = 0.5 * r * r * (np.abs(rest.mid) + rest.rad + np.abs(s_a))  # |sin''|, |cos''| <= 1
-        return Linear(out.mid, out.slopes, above(value.rad + r * rate.rad + second, 6), self._reach)
+        third = r**3 / 6.0 * (np.abs(rest.mid) + rest.rad + np.abs(s_a))  # third derivatives of sin and cos are 1 at most
+        return replace(out, rad=above(value.rad + r * rate.rad + r * r * bend.rad + third, 8))
 
     def bounds(self, points: Mapping[str, tuple[str, Sequence[float] | Array]]) -> PoseBounds:
         """All of it."""
@@ -272,12 +295,12 @@ class _Chain:
             self._scaled(moments[0], Intervals.exact(1.0) / mass[0]), self._gravity(mass, moments),
         )  # fmt: skip
 
-    def _scaled(self, x: Linear, factor: Intervals) -> Linear:
+    def _scaled(self, x: Taylor, factor: Intervals) -> Taylor:
         """X times one number."""
-        by = Linear.fixed(Intervals(factor.mid * np.eye(3), factor.rad * np.eye(3)), self._reach)
+        by = Taylor.fixed(Intervals(factor.mid * np.eye(3), factor.rad * np.eye(3)), self._reach)
         return by @ x
 
-    def _moments(self) -> tuple[list[Intervals], list[Linear]]:
+    def _moments(self) -> tuple[list[Intervals], list[Taylor]]:
         """(mass, first moment about the origin of W) of the bodies that each joint carries."""
         model = self._model
         mass = [Intervals.exact(float(body.mass)) for body in model.inertias]
@@ -291,7 +314,7 @@ class _Chain:
             moments[parent] = moments[parent] + moments[j]
         return mass, moments
 
-    def _gravity(self, mass: list[Intervals], moments: list[Linear]) -> Linear:
+    def _gravity(self, mass: list[Intervals], moments: list[Taylor]) -> Taylor:
         """G_j = -gravity . (a x (S - m p)) of a joint that turns, -m gravity . a of one that slides."""
         pull = self._fixed(-np.array(self._model.gravity.linear))
         entries = [self._fixed(np.zeros(()))] * self._model.nv
@@ -302,14 +325,14 @@ class _Chain:
                 entries[column] = pull @ (axis.cross(arm) if turns else self._scaled(axis, m))
         return stacked(entries)
 
-    def _columns(self, j: int) -> dict[int, tuple[Linear, bool]]:
+    def _columns(self, j: int) -> dict[int, tuple[Taylor, bool]]:
         """{coordinate of v: (axis in W, whether it turns)} of a joint; a floating base moves along and about its own axes."""
         at, axis = self._model.joints[j].idx_v, self._axis[j]
         if axis is None:
             return {at + i: (self._R[j][:, i % 3], i > 2) for i in range(6)}
         return {at: (axis, not self._model.joints[j].shortname().startswith("JointModelP"))}
 
-    def _jacobian(self, j: int, point: Linear) -> Linear:
+    def _jacobian(self, j: int, point: Taylor) -> Taylor:
         """Of the velocity of a point on what joint j carries."""
         columns = [self._fixed(np.zeros(3))] * self._model.nv
         while j:
@@ -333,6 +356,33 @@ def _rotation(q: Array) -> Intervals:
 def _axis_of(joint: pin.JointModel) -> Array:
     """Axis of a joint along none of x, y, z."""
     return np.array(joint.extract().axis, float)
+
+
+def _ends(robot: CheckedModel, joints: Boxed) -> dict[int, tuple[float, float]]:
+    """{joint: its interval} of a box, checked."""
+    if not isinstance(joints, Mapping):
+        raise InputError(f"joints are {joints!r:.80}; expected {{joint: (lowest, highest)}} [rad, m].")
+    found = {robot.joint_id(name): _interval(name, interval) for name, interval in joints.items()}
+    for j in found:
+        if robot.model.joints[j].nv != 1:
+            raise _unknown(robot.model, j)
+    return found
+
+
+def middles(robot: CheckedModel, joints: Boxed) -> dict[str, float]:
+    """{joint: the middle of its interval} of a box.
+
+    Raises:
+        InputError, Unsupported: as of `bounds_over_poses`.
+    """
+    return {str(robot.model.names[j]): 0.5 * low + 0.5 * high for j, (low, high) in _ends(robot, joints).items()}
+
+
+def _unknown(model: pin.Model, j: int) -> Unsupported:
+    return Unsupported(
+        f"joint {model.names[j]!r} is a {model.joints[j].shortname().removeprefix('JointModel')}: bounds over poses know "
+        "revolute, continuous and prismatic joints, and a floating base at the root, outside the box."
+    )
 
 
 def _interval(name: str, given: object) -> tuple[float, float]:

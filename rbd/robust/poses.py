@@ -7,28 +7,65 @@ contacts stay as they are in the middle of the box, and their points move with t
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint
-from rbd.errors import Unsupported
+from rbd.arrays import Array, lazy
+from rbd.constraints.constraint import Constraint, listed
+from rbd.errors import DistantContactWarning, Unsupported
 from rbd.model.state import State
-from rbd.robust.pose_bounds import Boxed, Linear, PoseBounds, bounds_over_poses
+from rbd.robust.pose_bounds import Boxed, PoseBounds, Taylor, bounds_over_poses, middles
 from rbd.robust.sets import boxes_of, masses_of, middle_of
 from rbd.robust.uncertain_loads import UncertainLoads
+from rbd.statics.force_balance import ForceBalance
 
 _AGREES = 1e-9
 """Bounds and the rows of contacts are the same in the middle of the box, to this."""
 
 
-def in_the_middle(state: State, joints: Boxed) -> State:
-    """The state with the joints of a box in the middle of their intervals."""
-    bounds = bounds_over_poses(state, joints)  # refuses what is none
-    return posed(state, dict(zip(bounds.joints, bounds.middle.tolist(), strict=True)))
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """A box of poses and what else is uncertain: its parts have bounds of their own.
+
+    Attributes:
+        state: The pose; joints of the box may be anywhere in it.
+        contacts: As given.
+        joints: {joint: (low, high) [rad, m]}.
+        given: Pushes, friction, mass, com and loops, as of `rbd.robust.hold`.
+    """
+
+    state: State
+    contacts: Sequence[Constraint]
+    joints: Boxed
+    given: tuple[Any, Any, Any, Any, bool]
+
+    @lazy
+    def whole(self) -> UncertainLoads:
+        """The loads over the whole box."""
+        return self._over(self.joints, None)
+
+    def part(self, within: Mapping[int, tuple[float, float]]) -> UncertainLoads:
+        """The loads over a part, whose numbers t of the whole's joints are within intervals."""
+        inner = dict(self.joints)
+        for i, ends in within.items():
+            name, _, q, r = self.whole.links[i]
+            low, high = (q + t * r if abs(t) < 1.0 else self.joints[name][int(t > 0.0)] for t in ends)
+            inner[name] = low, high
+        return self._over(inner, self.whole.balance)  # planes stay as in the middle of the whole
+
+    def alone(self, joints: Mapping[str, float]) -> UncertainLoads:
+        """The loads at one pose."""
+        with warnings.catch_warnings():  # points move with their links, off planes that stay: that is what the box means
+            warnings.simplefilter("ignore", DistantContactWarning)
+            return UncertainLoads.of(posed(self.state, joints), self.contacts, *self.given)
+
+    def _over(self, joints: Boxed, planes: ForceBalance | None) -> UncertainLoads:
+        middle = self.alone(middles(self.state.robot, joints))
+        return over_poses(middle, listed(self.contacts), joints, self.given[2], self.given[3], planes)
 
 
 def posed(state: State, joints: Mapping[str, float]) -> State:
@@ -41,7 +78,12 @@ def posed(state: State, joints: Mapping[str, float]) -> State:
 
 
 def over_poses(
-    loads: UncertainLoads, contacts: Sequence[Constraint], joints: Boxed, mass: Any = None, com: Any = None
+    loads: UncertainLoads,
+    contacts: Sequence[Constraint],
+    joints: Boxed,
+    mass: Any = None,
+    com: Any = None,
+    planes: ForceBalance | None = None,
 ) -> UncertainLoads:
     """The loads over a box of poses.
 
@@ -51,6 +93,7 @@ def over_poses(
         joints: {joint: (low, high) [rad, m]}.
         mass: As of `rbd.robust.hold`.
         com: As of `rbd.robust.hold`.
+        planes: Whose contacts' axes are kept; None: those of the loads.
 
     Raises:
         Unsupported: contacts that do not act at points of one link, on the ground; pushes with moments; joints of other kinds.
@@ -73,7 +116,7 @@ def over_poses(
         for axis in range(3):
             points[f"link/{link}/{axis}"] = link, middle_of(robot, link) + widths[axis] * np.eye(3)[axis]
     bounds = bounds_over_poses(state, joints, points)
-    return _with(loads, bounds, heavy, boxes)
+    return _with(loads, bounds, heavy, boxes, planes)
 
 
 def _offsets(state: State, contact: Constraint, row: Any) -> Array:
@@ -87,41 +130,49 @@ def _offsets(state: State, contact: Constraint, row: Any) -> Array:
     return np.array([X_WF.actInv(p) for p in np.atleast_2d(patch.corners_W)])
 
 
-def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], boxes: Mapping[int, Any]) -> UncertainLoads:
+def _with(
+    loads: UncertainLoads,
+    bounds: PoseBounds,
+    heavy: Mapping[int, Any],
+    boxes: Mapping[int, Any],
+    planes: ForceBalance | None,
+) -> UncertainLoads:
     robot, sets, reach = loads.state.robot, loads.balance.sets, bounds.reach
-    g = Linear.fixed(robot.gravity, reach)
-    P: Linear | None = None
-    for i, row in enumerate(loads.balance.rows):
+    g = Taylor.fixed(robot.gravity, reach)
+    P: Taylor | None = None
+    for i, row in enumerate((planes or loads.balance).rows):
         given = sets.point_map(i)
         if given is None or row.patch is None:
             raise Unsupported(
                 f"{row.name!r:.80} does not act at points: over a box of joints only contacts at points are known."
             )
         for k in range(len(given) // 3):
-            act = Linear.fixed(row.patch.axes @ given[3 * k : 3 * k + 3], reach)
+            act = Taylor.fixed(row.patch.axes @ given[3 * k : 3 * k + 3], reach)
             part = bounds.jacobians[f"{row.name}/{k}"].T @ act
             P = part if P is None else P + part
-    if P is None or np.abs(P.mid - loads.balance.per_weight).max() > _AGREES * (1.0 + np.abs(P.mid).max()):
+    if P is None or (planes is None and np.abs(P.mid - loads.balance.per_weight).max() > _AGREES * (1.0 + np.abs(P.mid).max())):
         raise Unsupported(
             "what the contacts' forces do is not known over a box of joints; give point or surface contacts on the ground."
         )
+    P = P.straight
     load, radius = bounds.gravity, loads.load_radius.copy()
     for joint, (link, least, most) in heavy.items():
         J = bounds.jacobians[f"link/{link}"].T
         more, half = 0.5 * (least + most) - float(robot.model.inertias[joint].mass), 0.5 * (most - least)
         weight = J @ g
-        load = load - Linear(more * weight.mid, more * weight.slopes, abs(more) * weight.rad, reach)
-        radius += half * (weight.swing + weight.rad)
+        load = load - Taylor.fixed(more * np.eye(robot.nv), reach) @ weight
+        radius += half * weight.moved
     for joint, (link, widths) in boxes.items():
         most = heavy.get(joint, ("", 0.0, float(robot.model.inertias[joint].mass)))[2]
         for axis in np.flatnonzero(widths):
             turned = (bounds.jacobians[f"link/{link}/{axis}"] - bounds.jacobians[f"link/{link}"]).T @ g
-            radius += most * (turned.swing + turned.rad)
+            radius += most * turned.moved
+    load = load.straight
     corners, own = np.repeat(load.mid[None], len(loads.corners), axis=0), np.zeros((len(reach), *loads.corners.shape))
     pushed_radius = np.zeros_like(corners)
     for v, w in enumerate(loads.components):
         for i in range(len(loads.pushes)):
-            pushed = bounds.jacobians[f"push/{i}"].T @ Linear.fixed(w[3 * i : 3 * i + 3], reach)
+            pushed = (bounds.jacobians[f"push/{i}"].T @ Taylor.fixed(w[3 * i : 3 * i + 3], reach)).straight
             corners[v] -= pushed.mid
             own[:, v] -= pushed.slopes * reach[:, None]
             pushed_radius[v] += pushed.rad
@@ -139,6 +190,6 @@ def _with(loads: UncertainLoads, bounds: PoseBounds, heavy: Mapping[int, Any], b
     return replace(
         loads, balance=balance, corners=corners, columns=columns, names=names, links=links,
         mass=np.append(loads.mass, np.zeros(len(reach))), load_radius=unsure,
-        forces_radius=loads.forces_radius + P.rad.max(axis=1),
+        forces_radius=loads.forces_radius + P.rad,
         turns={n + i: (P.slopes[i] * reach[i], own[i]) for i in range(len(reach))},
     )  # fmt: skip

@@ -51,6 +51,26 @@ class Held:
     aside: float
 
 
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """How forces that miss the load of a pose in the idle rows are repaired, as the verifier bounds it.
+
+    Attributes:
+        sizes: |X| of a right inverse of the idle rows of P, shape (p, i).
+        error: Bounds E of P X - 1 there, shape (i, i).
+    """
+
+    sizes: Array
+    error: Array
+
+    @classmethod
+    def of(cls, loads: UncertainLoads, X: Array, turns: Mapping[int, tuple[Array, Array]]) -> Repair:
+        """Of a right inverse X at the middle of a part, whose columns that turn are given."""
+        idle = loads.state.robot.unactuated
+        E = np.abs(loads.balance.per_weight[idle] @ X - np.eye(len(idle))) + loads.forces_radius[idle] @ np.abs(X)
+        return cls(np.abs(X), E + sum(np.abs(S[idle] @ X) for S, _ in turns.values()))
+
+
 class _Rows:
     """Rows of a sparse matrix with their sides, put together block by block."""
 
@@ -80,6 +100,7 @@ def largest(
     free: tuple[Array, Array] | None = None,
     at_most: float = np.inf,
     turns: Mapping[int, tuple[Array, Array]] | None = None,
+    repair: Repair | None = None,
 ) -> Held:
     """The largest margin of a set, or with a margin given the largest s along `ways`.
 
@@ -94,6 +115,7 @@ def largest(
         free: The same of a further number r, up to `at_most` of either sign, which adds r times these.
         at_most: Larger s are not looked for.
         turns: {number of a column: (what it changes in P, shape (nv, p), and in the loads at corners, shape (k, nv))}.
+        repair: What products of columns that turn miss, and how that is repaired, is taken off the margins of forces.
     """
     import clarabel
 
@@ -121,6 +143,9 @@ def largest(
     tau, change = (new(k, nu), new(k, n, nu)) if own else (new(1, nu), new(k, 0, nu))
     K, sizes, lengths, torque_sizes = new(d, nu), new(k, n, p), new(k, n, len(cones)), new(*change.shape)
     one, I = np.ones((1, 1)), np.eye(max(p, nu, 1))
+    turned, X = dict(turns or {}), np.zeros((p, 0)) if repair is None else repair.sizes
+    fixes, absolute, R = new(k, X.shape[1]), new(k, p * (repair is not None)), loads.forces_radius
+    wide = sum((np.abs(S_i) for S_i, _ in turned.values()), np.zeros_like(P))
     nothing = np.zeros_like(corners), np.zeros_like(columns)
     (along, along_columns), (beside, beside_columns) = ways or nothing, free or nothing
     fixed, takes = (0.0, 1.0) if margin is None else (margin / U, 0.0)
@@ -130,13 +155,14 @@ def largest(
     for v in range(k):
         law = [(S, tau[v if own else 0])] + [(S * components[v, i], K[i]) for i in range(d) if components is not None]
         ends = [(-along[v][:, None] / U, s), *([(-beside[v][:, None] / U, r)] if len(r) else [])]
-        equal.add([(P, x[v]), *law, *ends], corners[v] / U)
+        squares = [(0.5 * S_i, F[v, i]) for i, (S_i, _) in turned.items()]
+        equal.add([(P, x[v]), *squares, *law, *ends], corners[v] / U)
     for v in range(k):
         for i in range(n):
             law = [(S, change[v, i])] if own else []
-            law += [(turns[i][0], x[v])] if turns is not None and i in turns else []
+            law += [(turned[i][0], x[v])] if i in turned else []
             ends = [(-along_columns[i][:, None] / U, s), *([(-beside_columns[i][:, None] / U, r)] if len(r) else [])]
-            side = columns[i] + (turns[i][1][v] if turns is not None and i in turns else 0.0)
+            side = columns[i] + (turned[i][1][v] if i in turned else 0.0)
             equal.add([(P, F[v, i]), *law, *ends], side / U)
             for sign in (1.0, -1.0):
                 above.add([(sign * I[:p, :p], F[v, i]), (-I[:p, :p], sizes[v, i])], np.zeros(p))
@@ -149,19 +175,45 @@ def largest(
             weights = np.concatenate([[-mu], np.full(n, mu), np.ones(n), [takes]])
             matrix = np.zeros((3, len(axis) + 2))
             matrix[0, :-2], matrix[1, -2], matrix[2, -1] = weights, -1.0, -1.0
-            round_.add([(matrix, np.concatenate([axis, [x[v, a], x[v, b]]]))], np.array([-fixed, 0.0, 0.0]))
+            shift = np.vstack([mu * X[t] + X[a] + X[b], np.zeros((2, X.shape[1]))])
+            round_.add([(matrix, np.concatenate([axis, [x[v, a], x[v, b]]])), (shift, fixes[v])], np.array([-fixed, 0.0, 0.0]))
         for j in bounded:
             for sign, end in ((-1.0, -sets.lower[j]), (1.0, sets.upper[j])):
                 if np.isfinite(end):
-                    row = [(sign * one, x[v, j : j + 1]), (all_sizes, sizes[v, :, j]), (keep, s)]
+                    row = [(sign * one, x[v, j : j + 1]), (all_sizes, sizes[v, :, j]), (X[j : j + 1], fixes[v]), (keep, s)]
                     above.add(row, np.array([end / U - fixed]))
         for j in limited if own or d or v == 0 else []:
             law = [(one, tau[v if own else 0, j : j + 1])]
             law += [(one * components[v, i], K[i, j : j + 1]) for i in range(d) if components is not None]
+            unsure, at_row = list[tuple[Array, Array]](), motors[j : j + 1]
+            if repair is not None and own and wide[at_row].any():  # products and repair move torques
+                either = wide[at_row] + R[at_row]
+                unsure = [((np.abs(P[at_row]) + either) @ X, fixes[v]), (R[at_row], absolute[v])]
+                unsure += [(either, sizes[v, i]) for i in range(n)]
             for sign, end in ((-1.0, -low[j]), (1.0, high[j])):
                 if np.isfinite(end):
                     row = [*[(sign * m, at) for m, at in law], (more, torque_sizes[v, :, j]), (keep, s)]
-                    above.add(row, np.array([end - fixed]))
+                    above.add([*row, *unsure], np.array([end - fixed]))
+    if repair is not None:
+        idle = robot.unactuated
+        for v in range(k):
+            spent = [(R[idle], absolute[v]), *[(R[idle], sizes[v, i]) for i in range(n)]]
+            for sign in (1.0, -1.0):
+                above.add([(sign * I[:p, :p], x[v]), (-I[:p, :p], absolute[v])], np.zeros(p))
+            for i, (S_i, _) in turned.items():
+                for j in range(n):
+                    if j in turned and j < i:
+                        continue
+                    turns_i = [(S_i[idle] * (0.5 if i == j else 1.0), F[v, j])]
+                    turns_i += [(turned[j][0][idle], F[v, i])] if j in turned and j != i else []
+                    at_rows = np.flatnonzero(sum(np.abs(part).sum(axis=1) for part, _ in turns_i) > 0.0)
+                    product = new(len(at_rows))
+                    for sign in (1.0, -1.0):
+                        chosen = [(sign * part[at_rows], of) for part, of in turns_i]
+                        above.add([*chosen, (-np.eye(len(at_rows)), product)], np.zeros(len(at_rows)))
+                    spent.append((np.eye(len(idle))[:, at_rows], product))
+            left = repair.error - np.eye(len(idle))
+            above.add([*spent, (left, fixes[v])], -loads.load_radius[idle] / U)
     above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
     above.add([(-one, s)], np.array([_LEAST if margin is None else 0.0]))
     if len(r):

@@ -15,7 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.robust import verifier
-from rbd.robust.program import Held, largest
+from rbd.robust.program import Held, Repair, largest
 from rbd.robust.uncertain_loads import UncertainLoads
 
 _BITS = 42
@@ -44,6 +44,18 @@ def whole(values: Array) -> list[int]:
     return [int(x) for x in values]
 
 
+def of_set(loads: UncertainLoads) -> dict[str, Any]:
+    """The data that change with the part of a box of poses."""
+    return {
+        "forces": text(loads.balance.per_weight),
+        "forces_radius": text(loads.forces_radius),
+        "loads": text(loads.corners),
+        "load_radius": text(loads.load_radius),
+        "parameters": text(loads.columns),
+        "slopes": [[i, text(loads.turns[i][0]), text(loads.turns[i][1])] for i in sorted(loads.turns)],
+    }
+
+
 def document_of(
     loads: UncertainLoads, about: Mapping[str, Any], claim: Mapping[str, Any], proof: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -53,20 +65,14 @@ def document_of(
     data = {
         "idle": whole(robot.unactuated),
         "motors": whole(robot.actuated),
-        "forces": text(balance.per_weight),
-        "forces_radius": text(loads.forces_radius),
         "cones": [whole(cone) for cone in balance.sets.cone_columns],
         "friction": text(balance.sets.mu),
         "lower": text(balance.sets.lower),
         "upper": text(balance.sets.upper),
         "torque_low": text(np.asarray(low)),
         "torque_high": text(np.asarray(high)),
-        "loads": text(loads.corners),
-        "load_radius": text(loads.load_radius),
         "pushes": text(loads.components),
-        "parameters": text(loads.columns),
-        "slopes": [[i, text(loads.turns[i][0]), text(loads.turns[i][1])] for i in sorted(loads.turns)],
-    }
+    } | of_set(loads)
     found = {"kind": verifier.KIND, "about": dict(about), "data": data, "claim": dict(claim), "proof": dict(proof)}
     return found | {"sha256": verifier.digest(found)}
 
@@ -93,9 +99,12 @@ class Prover:
         L, middle, half = self.loads, 0.5 * (low + high), 0.5 * (high - low)
         part, columns = L.within(middle), half[:, None] * L.columns
         turns = {i: (half[i] * S, half[i] * own) for i, (S, own) in L.turns.items()}
+        repair = Repair.of(part, self._inverse(part), turns) if turns else None
         if self.torques == "each":  # corners have nothing in common
             each = [
-                largest(part, load[None], columns, turns={i: (S, own[v : v + 1]) for i, (S, own) in turns.items()})
+                largest(
+                    part, load[None], columns, turns={i: (S, own[v : v + 1]) for i, (S, own) in turns.items()}, repair=repair
+                )
                 for v, load in enumerate(part.corners)
             ]
             found = replace(
@@ -104,9 +113,15 @@ class Prover:
                 velocities=np.array([one.velocities[0] * (one.value <= each[_least(each)].value) for one in each]),
             )  # fmt: skip
         else:
-            found = largest(part, part.corners, columns, self.torques, components=L.components, turns=turns)
+            found = largest(part, part.corners, columns, self.torques, components=L.components, turns=turns, repair=repair)
         enough = found.value >= margin - 1e-6 * L.balance.unit
         return found, self.rounded(found, part, columns, turns) if enough else None
+
+    @staticmethod
+    def _inverse(part: UncertainLoads) -> Array:
+        """X with P X = 1 in the idle rows, to the bits that a certificate has."""
+        A = part.balance.per_weight[part.state.robot.unactuated]
+        return np.round(np.linalg.pinv(A) * 2.0**30) / 2.0**30 if A.size else np.zeros((A.shape[1], 0))
 
     def rounded(
         self, found: Held, part: UncertainLoads, columns: Array, turns: Mapping[int, tuple[Array, Array]]
@@ -114,10 +129,11 @@ class Prover:
         """The answer of a program as short fractions, its errors in the idle rows repaired to rounding."""
         idle, unit = part.state.robot.unactuated, part.balance.unit
         A = part.balance.per_weight[idle]
-        X = np.linalg.pinv(A) if A.size else np.zeros((A.shape[1], 0))
+        X = self._inverse(part)
         forces, corrections = found.forces.copy(), found.corrections.copy()
         for _ in range(2):
-            forces -= ((forces @ A.T) - part.corners[:, idle]) @ X.T
+            squares = sum((0.5 * corrections[:, i] @ S[idle].T for i, (S, _) in turns.items()), np.zeros((1, len(idle))))
+            forces -= ((forces @ A.T) + squares - part.corners[:, idle]) @ X.T
             wanted = np.repeat(columns[None], len(forces), axis=0)
             for i, (S, own) in turns.items():
                 wanted[:, i] += own - forces @ S.T
@@ -126,7 +142,7 @@ class Prover:
         proof = {
             "forces": text(np.round(forces / step) * step),
             "corrections": text(np.round(corrections / step) * step),
-            "inverse": text(np.round(X * 2.0**30) / 2.0**30),
+            "inverse": text(X),
         }
         if self.torques != "each":
             proof |= {"torque": text(np.round(found.torque / step) * step), "gain": text(found.gain)}
@@ -227,7 +243,7 @@ class Prover:
         R = r[sets.cone_columns]
         worst = (R[:, 2] + sets.mu * np.hypot(R[:, 0], R[:, 1])).max(initial=0.0)
         half = np.isfinite(sets.lower) & ~np.isfinite(sets.upper)
-        blur = 4.0 * float(self.loads.forces_radius.max()) * len(self.loads.forces_radius) + 2.0**-48
+        blur = 4.0 * float(self.loads.forces_radius.max(initial=0.0)) * len(self.loads.forces_radius) + 2.0**-48
         return max(float(worst), float(r[half].max(initial=0.0)), 0.0) + blur
 
     def _inward(self) -> Array:

@@ -32,7 +32,16 @@ from rbd.statics.force_balance import ForceBalance, standing_loads
 MOST_CORNERS = 4096
 """Of all pushes together."""
 _OPERATIONS = 100
-"""Of rounding, a joint: placements, sines and products between a robot's file and an entry of a Jacobian."""
+"""Of rounding, a joint, between a robot's file and an entry of a Jacobian or a load: at most
+
+    66   rotations: two products of matrices (5 operations an entry each), sine, cosine and their matrix (12): 22 an entry, and
+         an error e of each of 9 entries is one of 3 e of a rotation, which all that is carried shares;
+     4   its place: a product with an arm and a sum;
+    30   shared by all joints: axis x arm, axes of the contact, its map, products with masses and gravity (26 together, once),
+         and one addition a body.
+
+Errors of joints add up along the tree, to first order, each times the arms that follow: `_rounding` has all arms together.
+"""
 _ROUNDING = 2.0**-53
 
 
@@ -51,7 +60,7 @@ class UncertainLoads:
         links: (link, number of its column of mass or -1, middle mass [kg], half-width [kg or m]) of each; of a joint -2, its
             middle and half-width [rad, m].
         load_radius: Bound of the rounding of a load, shape (nv,).
-        forces_radius: Bound of the rounding of the generalised force of a unit contact force, shape (nv,).
+        forces_radius: Bound of the rounding of the generalised force of a unit contact force, shape (nv, p).
         turns: {number of a column: (what it changes in `balance.per_weight`, shape (nv, p); in each corner's load, beside its
             column, shape (k, nv))}, of joints of an uncertain pose.
     """
@@ -125,7 +134,7 @@ class UncertainLoads:
         largest = size * float(np.linalg.norm(g)) + sum(float(np.abs(s.corners).sum(axis=1).max()) for s in sets)
         return cls(
             balance, sets, np.array(corners), np.array(components), np.array(columns).reshape(-1, robot.nv), tuple(names),
-            np.array(moved), tuple(links), np.full(robot.nv, rounding * largest), np.full(robot.nv, rounding),
+            np.array(moved), tuple(links), np.full(robot.nv, rounding * largest), np.full(balance.per_weight.shape, rounding),
         )  # fmt: skip
 
     @property

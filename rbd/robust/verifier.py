@@ -1,35 +1,29 @@
 """Check a certificate file of `rbd.robust` in exact arithmetic; it imports the standard library alone, and runs on its own.
 
     python verifier.py file.json            exit code 0: the claim is proved; 1: it is not; 2: no certificate file
-
-The data: rows with a motor and `idle` ones; generalised forces P of unit contact forces, each number within `forces_radius` of
-its row; loads at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load is within
-`load_radius`. Numbers of a pose change P too, by their `slopes`. A member L = sum of shares of `loads` + sum of t D is held by
-
+The data: rows with a motor and `idle` ones; generalised forces P of unit contact forces, each within its `forces_radius`; loads
+at the corners of the set of pushes, and for each uncertain number t in [-1, 1] a column D; a load is within `load_radius`.
+Numbers of a pose change P too, by their `slopes`. A member L = sum of shares of `loads` + sum of t D is held by
     P f + S^T tau = L,    |f_t| + margin <= friction f_n,    lower + margin <= f <= upper - margin,    the same of torques.
-
-A claim "held": each member is. Its proof has forces f at each corner of the pushes, and F for each t there; what they miss in
-the idle rows a right inverse X repairs: P X = 1 + E, |E| <= q < 1, so X z with |z| <= missed / (1 - q) is added. Checked is
-
-    |f_t| + sum |F_t| + shift + margin <= friction (f_n - sum |F_n| - shift)      and the same of bounds and torques.
-
-A set may be split. Torques: "each" member has its own; "one" for all, or "affine" in the push, misses `balance` at most.
-A claim "refuted": some members cannot be held, together where they share torques. Its proof has a virtual velocity y of each:
-the sum of y . L is larger than the sum of y . (P f + S^T tau) can be, whatever f and tau with numbers up to `reach`.
+A claim "held": each member is. Its proof has forces f at each corner of the pushes, and F for each t there. What they miss in
+the idle rows, products of slopes, F, t and t too, a right inverse X repairs: P X = 1 + e, |e| <= E, and missed + E y < y shows
+that X z is added, |z| <= y. With fix = |X| y checked is
+    |f_t| + sum |F_t| + fix + margin <= friction (f_n - sum |F_n| - fix)      and the same of bounds and torques.
+A set may be split; parts of a box of poses have their own data. Torques of "each" member, "one" for all, or "affine" in the
+push; they miss `balance` at most. A claim "refuted": some members cannot be held, together if they share torques. By virtual
+velocities y of them the sum of y . L is more than that of y . (P f + S^T tau) with numbers up to `reach`.
 """
 
 import hashlib
 import json
 import math
 import sys
-from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-KIND = "rbd.robust certificate 1"
-ZERO, ONE = Fraction(0), Fraction(1)
+KIND, ZERO, ONE = "rbd.robust certificate 2", Fraction(0), Fraction(1)
 NO_CERTIFICATE = (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 
 
@@ -51,38 +45,33 @@ def length(x: Fraction, y: Fraction) -> Fraction:
     return Fraction(math.isqrt(-(-square.numerator // square.denominator)) + 1, 2**80) if square else ZERO
 
 
-def dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
+def dot(x: Any, y: Any) -> Fraction:
     """Sum of products."""
     return sum((a * b for a, b in zip(x, y, strict=True) if a and b), ZERO)
-
-
-def size(x: Sequence[Fraction]) -> Fraction:
-    """Sum of absolute values."""
-    return sum(map(abs, x), ZERO)
 
 
 def data_of(given: dict[str, Any]) -> Any:
     """The data of a file in fractions; sizes that do not agree are refused."""
     D = SimpleNamespace(**{name: exact(value) for name, value in given.items()})
     rows, p, nu = len(D.forces), len(D.lower), len(D.motors)
-    in_cones = [j for cone in D.cones for j in cone]
-    right = {len(x) for x in (*D.loads, *D.parameters, D.forces_radius, D.load_radius)} == {rows} and len(D.loads) > 0
-    right &= {len(x) for x in D.forces} == {p} == {len(D.upper)} and {len(D.torque_low), len(D.torque_high)} == {nu}
-    right &= sorted(D.idle + D.motors) == list(range(rows)) and len(D.pushes) == len(D.loads)
+    in_cones, turned = [j for cone in D.cones for j in cone], {i for i, _, _ in D.slopes}
+    right = {len(x) for x in (*D.loads, *D.parameters, D.load_radius, D.forces_radius)} == {rows} and len(D.loads) > 0
+    right &= {len(x) for x in D.forces + D.forces_radius + [D.upper]} == {p} and len(D.torque_low) == len(D.torque_high) == nu
+    right &= sorted(D.idle + D.motors) == list(range(rows)) and len(D.pushes) == len(D.loads) and len(D.slopes) == len(turned)
     right &= all(len(S) == rows and {len(x) for x in S} == {p} and len(own) == len(D.loads) for _, S, own in D.slopes)
     right &= len(set(in_cones)) == 3 * len(D.cones) == 3 * len(D.friction) and set(in_cones) <= set(range(p))
-    if not (right and all(mu > 0 for mu in D.friction) and min(D.forces_radius + D.load_radius) >= 0):
+    if not (right and all(mu > 0 for mu in D.friction) and min(sum(D.forces_radius, D.load_radius)) >= 0):
         raise ValueError("sizes or signs of the data do not agree")
-    return SimpleNamespace(**vars(D), bounded=[j for j in range(p) if j not in in_cones])
+    return SimpleNamespace(**vars(D), given=given, turned=turned, bounded=[j for j in range(p) if j not in in_cones])
 
 
-def load_at(data: Any, vertex: int, t: Sequence[Fraction]) -> list[Fraction]:
+def load_at(data: Any, vertex: int, t: Any) -> list[Fraction]:
     """Load of a corner of the pushes with these numbers t."""
     load = [L + dot(t, [D[k] for D in data.parameters]) for k, L in enumerate(data.loads[vertex])]
     return [L + sum(t[i] * own[vertex][k] for i, _, own in data.slopes) for k, L in enumerate(load)]
 
 
-def forces_at(data: Any, t: Sequence[Fraction]) -> list[list[Fraction]]:
+def forces_at(data: Any, t: Any) -> list[list[Fraction]]:
     """P with these numbers t."""
     return [[x + sum(t[i] * S[k][j] for i, S, _ in data.slopes) for j, x in enumerate(r)] for k, r in enumerate(data.forces)]
 
@@ -92,34 +81,40 @@ def leaf(data: Any, proof: Any, low: list[Fraction], high: list[Fraction], torqu
     middle, half = ([(b + s * a) / 2 for a, b in zip(low, high, strict=True)] for s in (1, -1))
     turns = [(i, [[half[i] * x for x in row] for row in S], loads) for i, S, loads in data.slopes]
     X, P, radius, rows = exact(proof["inverse"]), forces_at(data, middle), data.forces_radius, range(len(data.forces))
-    wide = [[radius[k] + sum(abs(S[k][j]) for _, S, _ in turns) for j in range(len(X))] for k in rows]
-    off = [[dot(P[k], [x[i] for x in X]) - (k == at) for i, at in enumerate(data.idle)] for k in data.idle]
-    q = max((size(e) + dot(wide[k], list(map(size, X))) for k, e in zip(data.idle, off, strict=True)), default=ZERO)
-    slack, imbalance = [-ONE] * (q >= 1), [ZERO]
+    wide = [[r + sum(abs(S[k][j]) for _, S, _ in turns) for j, r in enumerate(radius[k])] for k in rows]
+    columns = [(at, [x[i] for x in X]) for i, at in enumerate(data.idle)]
+    E = [[abs(dot(P[k], x) - (k == at)) + dot(radius[k], list(map(abs, x))) + sum(abs(dot(S[k], x)) for _, S, _ in turns)
+          for at, x in columns] for k in data.idle]  # fmt: skip
+    slack, imbalance = list[Fraction](), [ZERO]
     for v, (f, F, _) in enumerate(zip(exact(proof["forces"]), exact(proof["corrections"]), data.loads, strict=True)):
         missed = [[dot(P[k], G) - h * D[k] for k in rows] for h, G, D in zip(half, F, data.parameters, strict=True)]
+        left, both = [dot(row, f) - L for row, L in zip(P, load_at(data, v, middle), strict=True)], dict[Any, list[Fraction]]()
         for i, S, loads in turns:
             missed[i] = [x + dot(S[k], f) - half[i] * loads[v][k] for k, x in enumerate(missed[i])]
-        missed += [[dot(row, G) for row in S] for _, S, _ in turns for G in F]
-        spread = [size([G[j] for G in F]) for j in range(len(X))]
-        more = [size([m[k] for m in missed]) + data.load_radius[k] + radius[k] * (size(f) + size(spread)) for k in rows]
-        left = [dot(row, f) - L for row, L in zip(P, load_at(data, v, middle), strict=True)]
-        z = max((abs(left[k]) + more[k] for k in data.idle), default=ZERO) / (1 - q if q < 1 else 1)
-        shift = [z * size(x) for x in X]
+            for j, G in enumerate(F):  # products of t_i and t_j; t_i^2 is one half, and up to one half of it
+                found, share = both.get((min(i, j), max(i, j)), [ZERO] * len(P)), Fraction(1, 1 + (i == j))
+                both[min(i, j), max(i, j)] = [x + share * dot(row, G) for x, row in zip(found, S, strict=True)]
+            left = [x + y for x, y in zip(left, both[i, i], strict=True)]
+        size = [sum((abs(G[j]) for G in F), ZERO) for j in range(len(X))]
+        used = [abs(x) + s for x, s in zip(f, size, strict=True)]
+        more = [sum((abs(m[k]) for m in [*missed, *both.values()]), data.load_radius[k]) + dot(radius[k], used) for k in rows]
+        idle = y = [abs(left[k]) + more[k] for k in data.idle]
+        for _ in range(24):
+            y = [Fraction(math.floor((x + dot(row, y)) * 101 * 2**80) + 1, 100 * 2**80) for x, row in zip(idle, E, strict=True)]
+        slack += [-ONE for x, row, bound in zip(idle, E, y, strict=True) if x + dot(row, y) >= bound]
+        fix = [dot(list(map(abs, x)), y) for x in X]
         for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
-            aside = length(f[a], f[b]) + sum(length(G[a], G[b]) for G in F) + shift[a] + shift[b]
-            slack.append(mu * (f[n] - spread[n] - shift[n]) - aside)
+            aside = length(f[a], f[b]) + sum(length(G[a], G[b]) for G in F) + fix[a] + fix[b]
+            slack.append(mu * (f[n] - size[n] - fix[n]) - aside)
         for j in data.bounded:
-            slack += [] if data.lower[j] is None else [f[j] - spread[j] - shift[j] - data.lower[j]]
-            slack += [] if data.upper[j] is None else [data.upper[j] - f[j] - spread[j] - shift[j]]
+            slack += [s * (f[j] - x) - size[j] - fix[j] for s, x in ((1, data.lower[j]), (-1, data.upper[j])) if x is not None]
         for i, (k, least, top) in enumerate(zip(data.motors, data.torque_low, data.torque_high, strict=True)):
-            tau, about = -left[k], more[k] + sum((abs(x) + w) * s for x, w, s in zip(P[k], wide[k], shift, strict=True))
+            tau, about = -left[k], more[k] + sum((abs(x) + w) * s for x, w, s in zip(P[k], wide[k], fix, strict=True))
             if torques != "each":
                 law = exact(proof["torque"])[i] + (dot(exact(proof["gain"])[i], data.pushes[v]) if torques == "affine" else 0)
                 imbalance.append(abs(tau - law) + about)
                 tau, about = law, ZERO
-            slack += [] if least is None else [tau - about - least]
-            slack += [] if top is None else [top - tau - about]
+            slack += [sign * (tau - end) - about for sign, end in ((1, least), (-1, top)) if end is not None]
     return min(slack), max(imbalance)
 
 
@@ -127,6 +122,12 @@ def held(data: Any, proof: Any, torques: str, low: Any = None, high: Any = None)
     """(least slack, imbalance) over all parts of the set: of parts the imbalance is zero, as each member has its torques."""
     low, high = (low, high) if low else ([-ONE] * len(data.parameters), [ONE] * len(data.parameters))
     if "split" not in proof:
+        if "data" in proof:  # of this part alone; t of joints are from -1 to 1 in it
+            own = ("forces", "forces_radius", "loads", "load_radius", "parameters", "slopes")
+            if exact(proof["box"]) != [low, high]:
+                raise ValueError("a part has data of another part")
+            data = data_of(data.given | {name: proof["data"][name] for name in own})
+            low, high = ([e if i in data.turned else x for i, x in enumerate(xs)] for e, xs in ((-ONE, low), (ONE, high)))
         return leaf(data, proof, low, high, torques)
     i, at = proof["split"], Fraction(proof["at"])
     if torques != "each" or not (0 <= i < len(low) and low[i] <= at <= high[i]):
@@ -144,7 +145,7 @@ def largest(slope: Fraction, blur: Fraction, low: Any, high: Any, margin: Fracti
 def gap(data: Any, proof: Any, torques: str, margin: Fraction) -> Fraction:
     """By how much y . L exceeds what forces and torques can be: positive of members that cannot be held."""
     members, Y, shares = proof["members"], exact(proof["velocities"]), proof["shares"]
-    reach, total, at_bases = Fraction(proof["reach"]), ZERO, dict[int, list[Fraction]]()
+    reach, total, at_bases, none = Fraction(proof["reach"]), ZERO, dict[int, list[Fraction]](), [ZERO] * len(data.motors)
     for k, (member, y) in enumerate(zip(members, Y, strict=True)):
         t, own = exact(member["parameters"]), {int(b): Fraction(s) for b, s in shares[k].items()}
         pushes = [[s * x for x in data.pushes[members[b]["vertex"]]] for b, s in own.items()]
@@ -152,19 +153,18 @@ def gap(data: Any, proof: Any, torques: str, margin: Fraction) -> Fraction:
         follows = torques == "one" or own == {k: 1} or (torques == "affine" and affine)
         if any(abs(x) > 1 for x in t) or sum(own.values()) != 1 or not follows or reach <= 0:
             raise ValueError("a member is none of the set, or its torques are none of the law")
-        blur = dot(data.forces_radius, [abs(x) for x in y])
+        u = [dot(column, list(map(abs, y))) for column in zip(*data.forces_radius, strict=True)]
         total += dot(y, load_at(data, member["vertex"], t)) - dot(data.load_radius, [abs(x) for x in y])
         r = [dot(y, column) for column in zip(*forces_at(data, t), strict=True)]
         for (a, b, n), mu in zip(data.cones, data.friction, strict=True):
-            total -= max(ZERO, r[n] + blur + mu * (length(r[a], r[b]) + 2 * blur)) * reach + (r[n] + blur) * margin / mu
+            total -= max(ZERO, r[n] + u[n] + mu * (length(r[a], r[b]) + u[a] + u[b])) * reach + (r[n] + u[n]) * margin / mu
         for j in data.bounded:
-            total -= largest(r[j], blur, data.lower[j], data.upper[j], margin, reach)
+            total -= largest(r[j], u[j], data.lower[j], data.upper[j], margin, reach)
         for b, s in own.items():
-            sums = at_bases.get(b, [ZERO] * len(data.motors))
-            at_bases[b] = [x + s * y[row] for x, row in zip(sums, data.motors, strict=True)]
+            at_bases[b] = [x + s * y[row] for x, row in zip(at_bases.get(b, none), data.motors, strict=True)]
     for sums in at_bases.values():
-        for x, least, top in zip(sums, data.torque_low, data.torque_high, strict=True):
-            total -= largest(x, ZERO, least, top, margin, reach)
+        ends = zip(sums, data.torque_low, data.torque_high, strict=True)
+        total -= sum(largest(x, ZERO, low, high, margin, reach) for x, low, high in ends)
     return total
 
 

@@ -12,6 +12,7 @@ from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report, plot_timing
 from rbd.visual.figures.walk_plots import plot_control, plot_walk
 from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
+from rbd.visual.members_page import export_members as export_members
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
 from rbd.visual.motion_checks_page import export_motion_checks as export_motion_checks
 from rbd.visual.notebook.page_frames import notebook_page

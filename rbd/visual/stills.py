@@ -59,7 +59,7 @@ def still(
     Raises:
         InputError: a bare model.
     """
-    joint, local, normal, color = _points(drawable(robot))
+    joint, local, normal, color = surface_points(drawable(robot))
     (R,), (p,) = placements(robot, q[None])
     places = np.matmul(R[joint], local[:, :, None])[..., 0] + p[joint]
     shade = color * (0.45 + 0.6 * _lit(np.matmul(R[joint], normal[:, :, None])[..., 0]))
@@ -135,7 +135,7 @@ def _lit(normals: Array) -> Array:
     return np.asarray(np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT))))[:, None]
 
 
-def _points(robot: Robot) -> tuple[Array, ...]:
+def surface_points(robot: Robot) -> tuple[Array, ...]:
     """(joint, place in its axes, normal, colour) of points on the surfaces of a robot."""
     if robot not in _POINTS:
         rows = [_on_part(part.mesh.vertices[part.mesh.faces]) for part in robot_parts(robot)]

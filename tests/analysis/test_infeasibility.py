@@ -639,7 +639,7 @@ def test_weights_that_are_none_are_refused() -> None:
 # The error
 
 
-def test_the_error_says_who_contradicts_whom_and_offers_proof_and_motion(talos: rbd.Robot) -> None:
+def test_the_error_says_who_contradicts_whom_and_offers_certificate_and_motion(talos: rbd.Robot) -> None:
     """Names, size, what cannot be met, where the proof is and what to do; the proof holds, the motion is near."""
     sole = talos.soles(None)[0]
     points = [rbd.PointContact(f"point {i}", sole.frame, offset=sole.placement.act(p)) for i, p in enumerate(sole.corners)]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 import rbd
-from rbd.robust import Counterexample, PushSet, RobustHold, hold
+from rbd.robust import Counterexample, PushSet, RobustHold, hold, verifier
+from rbd.robust.poses import over_poses
+from rbd.robust.uncertain_loads import UncertainLoads
 
 
 def around(robot: rbd.Robot, state: rbd.State, joints: list[str], width: float) -> dict[str, tuple[float, float]]:
@@ -36,6 +40,57 @@ def test_twelve_joints_of_talos_may_be_anywhere_within_a_twentieth_of_a_radian(t
         assert rbd.hold(pose, soles).tau.shape == (32,)
 
 
+def test_legs_that_carry_talos_may_move_in_parts_of_their_box(talos, exhaustive):
+    """All twelve joints of both legs within 0.04 rad, 0.05 rad in the exhaustive run, in parts with bounds of their own.
+
+    A part with the data of another one is refused; loads and forces of random members are within the data of theirs.
+    """
+    state, soles, width = talos.standing(), talos.soles(0.5), 0.05 if exhaustive else 0.04
+    legs = [f"leg_{side}_{i}_joint" for side in ("left", "right") for i in range(1, 7)]
+    box = around(talos, state, legs, width)
+    found = hold(state, soles, joints=box)
+    assert isinstance(found, RobustHold) and found.margin > 0.0 and 1 < found.parts <= 32 and found.verify()
+    proof = found.document["proof"]
+    swapped = found.document | {"proof": proof | {"below": proof["above"], "above": proof["below"]}}
+    with pytest.raises(ValueError, match="another part"):
+        verifier.verify(swapped | {"sha256": verifier.digest(swapped)})
+    rng = np.random.default_rng(6)
+    for _ in range(1000 if exhaustive else 6):
+        t = rng.choice([-1.0, 1.0], 12) * rng.uniform(0.0, 1.0, 12) ** rng.integers(2)
+        pose = posed(talos, state, found.loads.member(0, t).joints)
+        part, u = part_of(proof, t)
+        P, radius, S = (floats(x) for x in (part["forces"], part["forces_radius"], [each[1] for each in part["slopes"]]))
+        assert (np.abs(forces_of(found, pose, soles) - P - np.tensordot(u, S, 1)) <= radius).all()
+        load = floats(part["loads"])[0] + u @ floats(part["parameters"])
+        assert (np.abs(pose.h - load) <= floats(part["load_radius"])).all()
+
+
+def floats(x: object) -> np.ndarray:
+    """Numbers of a certificate."""
+    return np.vectorize(lambda text: float(Fraction(text)), otypes=[float])(np.array(x, dtype=object))
+
+
+def part_of(proof: dict, t: np.ndarray) -> tuple[dict, np.ndarray]:
+    """(data of the part with a member, its numbers there)."""
+    low, high = -np.ones(len(t)), np.ones(len(t))
+    while "split" in proof:
+        i, at = proof["split"], float(Fraction(proof["at"]))
+        (high if t[i] <= at else low)[i] = at
+        proof = proof["below" if t[i] <= at else "above"]
+    return proof["data"], (2.0 * t - low - high) / (high - low)
+
+
+def forces_of(found: RobustHold, pose: rbd.State, contacts: list) -> np.ndarray:
+    """What unit contact forces do at a pose, their planes as in the middle of the whole box."""
+    balance, P = found.loads.balance, 0.0
+    for i, (contact, row) in enumerate(zip(contacts, balance.rows, strict=True)):
+        act, X_WF = balance.sets.point_map(i), balance.state.frame(contact.frame).X_WF
+        for k, corner in enumerate(row.patch.corners_W):
+            J = pose.frame(contact.frame, X_WF.actInv(corner)).J[:3]
+            P = P + J.T @ row.patch.axes @ act[3 * k : 3 * k + 3]
+    return P
+
+
 def test_loads_and_forces_of_a_pose_are_within_their_bounds():
     """Gravity, pushes and contact Jacobians of Pinocchio at poses of the box, with other masses, lie in the set of loads."""
     solo = rbd.load_robot("solo12")
@@ -50,10 +105,24 @@ def test_loads_and_forces_of_a_pose_are_within_their_bounds():
         pose = posed(solo, state, loads.member(0, t).joints)
         J = np.concatenate([foot.rows(pose).J for foot in solo.feet(friction=0.7)])
         P = J.T @ loads.balance.sets.G
-        assert (np.abs(loads.within(t).balance.per_weight - P).max(axis=1) <= loads.forces_radius).all()
+        assert (np.abs(loads.within(t).balance.per_weight - P) <= loads.forces_radius).all()
         load = pose.h - pose.frame("base_link").J[:3].T @ loads.components[2]
         assert (np.abs(loads.load(2, t) - load) <= loads.load_radius).all()
         assert np.abs(loads.load(2, np.where(np.arange(4) == column - 1, t, 0.0)) - load).max() > loads.load_radius.max()
+
+
+@pytest.mark.parametrize("name", ["solo12", "talos"])
+def test_the_stated_rounding_holds_what_intervals_say_of_the_file(name):
+    """Interval arithmetic from the robot's file to what unit forces do, and to gravity, stays within the stated radii."""
+    robot = rbd.load_robot(name)
+    state = robot.standing()
+    contacts = robot.feet(friction=0.7) if name == "solo12" else robot.soles(friction=0.7)
+    joint = next(n for n in robot.joints if robot.model.joints[robot.joint_id(n)].nq == 1)
+    loads = UncertainLoads.of(state, contacts)
+    exact = over_poses(loads, contacts, around(robot, state, [joint], 0.0))
+    off = np.abs(exact.balance.per_weight - loads.balance.per_weight) + (exact.forces_radius - loads.forces_radius)
+    assert (off <= loads.forces_radius).all() and off.max() > 1e-3 * loads.forces_radius.max()
+    assert (np.abs(exact.corners - loads.corners) + (exact.load_radius - loads.load_radius) <= loads.load_radius).all()
 
 
 def test_a_pose_that_falls_is_found(talos):

@@ -138,7 +138,7 @@ def test_where_the_qp_has_no_answer_coulombs_law_may():
     assert f[0] == pytest.approx(-0.5 * f[2], abs=1e-9) and abs(f[1]) < 1e-9 and f[2] >= 0.0
 
 
-def test_rows_that_contradict_each_other_are_named_with_their_proof():
+def test_rows_that_contradict_each_other_are_named_with_their_certificate():
     """By the law's own rows: a floor that is to be left upwards and downwards. Unchecked: the motion of least violation."""
     rows = [
         rbd.Rows("floor", np.eye(3), np.zeros(3), rbd.problem.FrictionCone(0.6)),

@@ -154,7 +154,7 @@ def test_a_state_without_a_prepared_answer_has_that_of_the_general_way(monkeypat
     assert found.bound == np.inf and np.abs(found.tau - expected.tau).max() < 1e-9 * np.abs(expected.tau).max()
 
 
-def test_an_impossible_motion_has_its_proof():
+def test_an_impossible_motion_has_its_certificate():
     """The prepared form finds none, and the general way tells why."""
     talos = robot_of("talos")
     soles = talos.soles(0.5, on=None)

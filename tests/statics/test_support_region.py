@@ -136,7 +136,7 @@ def test_a_tilted_rectangle_carries_what_is_above_it(friction):
 
 
 @pytest.mark.parametrize("friction", ["cone", *PYRAMIDS])
-def test_too_steep_a_slope_carries_nothing_and_the_proof_holds(friction):
+def test_too_steep_a_slope_carries_nothing_and_the_certificate_holds(friction):
     """Beyond the angle of friction the region is empty: the multipliers are a motion that weight drives and friction allows."""
     tilt = 0.3
     R = pin.utils.rotate("y", tilt)

@@ -223,11 +223,15 @@ class _Enclosing:
 
     def _weights(self, s: Intervals, y: Intervals) -> Intervals:
         """W of the active columns' weights, shape (p,)."""
-        w = Intervals(self._fixed.copy(), np.zeros(self._T.size))
-        w.mid[self._at], w.rad[self._at] = s.mid, s.rad
+        w = self._weights_but_of_slips(s)
         for slip in self._slips:
             rubs = -(self._friction(slip.columns) * s[slip.active]) * self._direction(y, slip.columns)
             w.mid[slip.columns], w.rad[slip.columns] = rubs.mid, rubs.rad
+        return w
+
+    def _weights_but_of_slips(self, s: Intervals) -> Intervals:
+        w = Intervals(self._fixed.copy(), np.zeros(self._T.size))
+        w.mid[self._at], w.rad[self._at] = s.mid, s.rad
         return w
 
     def _friction(self, columns: slice) -> float:
@@ -253,7 +257,7 @@ class _Enclosing:
         s[self._free] = z[nv:]
         high, low, rad = self._accelerations(z[:nv])
         y = Intervals(high, above(np.abs(low) + rad, 2))
-        w = self._weights(Intervals.exact(s), y)
+        w = self._weights_but_of_slips(Intervals.exact(s))
         w_low, speeds = Intervals(np.zeros(T.size), w.rad), list[tuple[float, Intervals]]()
         for slip in self._slips:
             at, load = slip.columns, float(s[slip.active])

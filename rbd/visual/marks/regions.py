@@ -205,7 +205,7 @@ def name_and_color(one: Drawn) -> tuple[str, str]:
     if isinstance(one, RobustPushLimits):
         return "pushes that every member withstands", PUSH_COLOR
     if isinstance(one, RobustHold):
-        return "pushes that are proved to be held", PUSH_COLOR
+        return "pushes that are proved to be held", WRENCH_COLOR
     if isinstance(one, RobustRegion):
         return "region of every member" + (", empty" if one.empty else ""), LIMITED_COLOR
     if isinstance(one, ContactWrenchCone):
@@ -254,7 +254,7 @@ def _robust_pushes(at: str, limits: RobustPushLimits, sizes: Sizes) -> list[Mark
 
 def _push_sets(at: str, held: RobustHold, sizes: Sizes) -> list[Mark]:
     """The forces of each set of pushes from its point: the edges and faces of their hull, moments left out."""
-    lines, faces = list[Any](), list[Any]()
+    lines, faces, color = list[Any](), list[Any](), name_and_color(held)[1]
     for each in held.loads.pushes:
         point = np.array(held.loads.state.frame(each.frame, each.offset).X_WF.translation)
         forces = np.unique(np.asarray(each.corners)[:, :3], axis=0) * sizes.metres_per_newton
@@ -263,8 +263,8 @@ def _push_sets(at: str, held: RobustHold, sizes: Sizes) -> list[Mark]:
         flat, edges = hull_of(tips)
         lines += [primitives.line(tips[list(edge)], radius=sizes.line) for edge in edges]
         faces += [primitives.polygon(tips[list(face)]) for face in flat]
-    marks = [Mark(f"{at}/edge", lines, PUSH_COLOR, seen_through=True)] if lines else []
-    return [*marks, Mark(f"{at}/area", faces, PUSH_COLOR, 0.2, seen_through=True)] if faces else marks
+    marks = [Mark(f"{at}/edge", lines, color, seen_through=True)] if lines else []
+    return [*marks, Mark(f"{at}/area", faces, color, 0.2, seen_through=True)] if faces else marks
 
 
 def hull_of(points: Array) -> tuple[list[tuple[int, ...]], list[tuple[int, int]]]:
