@@ -32,6 +32,7 @@ from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, NoSolution
 from rbd.errors.inputs import check_kind, check_known, listed_items
 from rbd.mechanism.pose_search import find_pose
+from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.problem.ground import Ground
 from rbd.robots.robot import Robot
@@ -65,6 +66,9 @@ as a share of the angle between them that legs allow: a foot turns by twice as m
 BETWEEN, BEHIND, QUICK = 3, 1e-3, 0.9
 """Speeds are checked at three times as many poses of a swing as torques; a joint within 1e-3 rad of its pose has reached it.
 Nine tenths of its speed have to be enough: of Romeo, who turns at 0.15 rad/s, and falls at 0.17, hips need 0.85 and 0.94."""
+EASY, SHORTER = 0.4, (1.0, 0.8, 0.65)
+"""On two feet a stride that is not given is shortened to the second or third of these shares where joints need more than 0.4 of
+their speeds. The usual one of Romeo needs 0.6: his hips lag behind, the body pitches, and he falls; of others at most 0.2."""
 
 
 class Walk(Displayed):
@@ -91,7 +95,8 @@ class Walk(Displayed):
     Args:
         robot: The robot, with two or four feet.
         steps: How many times a foot (of four: a group of the gait) is lifted; or `Footstep` records in any order.
-        velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait.
+        velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait,
+            but on two feet with shorter strides where joints would need more than 40 % of their speeds.
             Forwards is along x of the base, or where toes clearly point backwards (iCub's), along -x.
         terrain: What it walks on: a plane, a height [m], or `rbd.Terrain`; a sole is put down where it rests wholly, at most
             20 cm before or behind, and feet clear what lies between.
@@ -182,16 +187,23 @@ class Walk(Displayed):
         )  # fmt: skip
         self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
         self._legs = {name: self._leg(feet[name]) for name in self._two}
-        planned: Sequence[Footstep]
-        if isinstance(steps, int | np.integer):
-            n = check_whole("steps of Walk", int(steps), 10_000)
-            advance = self._advance(velocity)
-            planned = steps_of(floor, poses, roles, self.gait, n, advance, STARTS * unit, unit, yaw)
-        else:
-            planned = self._given(steps)
-        self._first = self._planner.over(planned)
-        self._check_roll()
-        poses_of_plan = self._check_reach()
+        counted = isinstance(steps, int | np.integer)
+        shorter = SHORTER if counted and velocity is None and self._two else SHORTER[:1]
+        for share in shorter:
+            planned: Sequence[Footstep]
+            if counted:
+                n = check_whole("steps of Walk", int(steps), 10_000)  # type: ignore[arg-type]
+                advance = share * self._advance(velocity)
+                planned = steps_of(floor, poses, roles, self.gait, n, advance, STARTS * unit, unit, yaw)
+            else:
+                planned = self._given(steps)
+            self._first = self._planner.over(planned)
+            self._check_roll()
+            poses_of_plan, swings = self._check_reach()
+            if all(self._behind(poses_of_swing, EASY)[0] <= BEHIND for _, poses_of_swing in swings):
+                break
+        for step, poses_of_swing in swings:
+            self._check_speed(step, poses_of_swing)
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
         self._arms = self._arms_of(arms, poses_of_plan)
         self._again, self._lift = -math.inf, np.zeros(3)
@@ -321,9 +333,12 @@ class Walk(Displayed):
                 )
         return out
 
-    def _check_reach(self) -> list[tuple[float, State]]:
-        """Poses of the plan and their times; refused are footsteps without one, or with one that takes too large torques."""
-        plan, out = self._first, list[tuple[float, State]]()
+    def _check_reach(self) -> tuple[list[tuple[float, State]], list[tuple[Footstep, list[tuple[float, State]]]]]:
+        """Poses of the plan and their times, and more of them of each swing.
+
+        Refused are footsteps without a pose, or with one that takes too large torques.
+        """
+        plan, out, swings = self._first, list[tuple[float, State]](), list[tuple[Footstep, list[tuple[float, State]]]]()
         for step in plan.footsteps:
             known = list[tuple[float, State]]()
             for i, t in enumerate(np.linspace(step.start, step.end, 3 * BETWEEN + 1).tolist()):
@@ -347,26 +362,30 @@ class Walk(Displayed):
                         f"at {t:.2f} s the nearest pose is {1e3 * worst:.0f} mm off, with this foot at "
                         f"{np.round(reached, 3).tolist()} m. Give shorter steps, or a slower velocity."
                     ) from error
-            self._check_speed(step, known)
-        return out
+            swings.append((step, known))
+        return out, swings
 
-    def _check_speed(self, step: Footstep, poses: Sequence[tuple[float, State]]) -> None:
-        """Refuse a swing after which a joint of the legs, at 90 % of its speed, is behind its pose when the foot lands."""
+    def _behind(self, poses: Sequence[tuple[float, State]], share: float) -> tuple[float, Joint | None]:
+        """How far a joint of the legs, at this share of its speed, is behind its pose when a foot lands [rad], and which."""
         legs = leg_joints(self.robot, self.contacts)
         joints = [j for j in self.robot.joints.values() if j.nq == 1 and j.id in legs]
         speed, at = np.array([j.speed for j in joints]), [j.q.start for j in joints]
         if not poses or not joints:
-            return
+            return 0.0, None
         reached, before = poses[0][1].q[at], poses[0][0]
         for t, pose in poses[1:]:
-            far = QUICK * speed * (t - before)
+            far = share * speed * (t - before)
             reached, before = reached + np.clip(pose.q[at] - reached, -far, far), t
         behind = np.abs(poses[-1][1].q[at] - reached)
-        k = int(behind.argmax())
-        if behind[k] > BEHIND:
+        return float(behind.max()), joints[int(behind.argmax())]
+
+    def _check_speed(self, step: Footstep, poses: Sequence[tuple[float, State]]) -> None:
+        """Refuse a swing after which a joint of the legs, at 90 % of its speed, is behind its pose when the foot lands."""
+        behind, joint = self._behind(poses, QUICK)
+        if joint is not None and behind > BEHIND:
             raise InputError(
-                f"{self.robot.name} is too slow for this walk: {joints[k].name!r:.80}, at {QUICK:.0%} of {speed[k]:.3g} rad/s, "
-                f"is {behind[k]:.3f} rad behind when {step.foot!r:.80} lands at {step.end:.2f} s. Give a slower velocity, or a "
+                f"{self.robot.name} is too slow for this walk: {joint.name!r:.80}, at {QUICK:.0%} of {joint.speed:.3g} rad/s, "
+                f"is {behind:.3f} rad behind when {step.foot!r:.80} lands at {step.end:.2f} s. Give a slower velocity, or a "
                 "gait with longer swings."
             )
 
