@@ -203,13 +203,14 @@ def test_a_singular_inertia_is_refused(name: str) -> None:
 
 
 def test_bipeds_walk_six_steps(exhaustive: bool) -> None:
-    """One call each; iCub and Romeo in exhaustive tests."""
+    """One call each; iCub and Romeo in exhaustive tests. Romeo's joints are slow: its strides are 65 % of the others'."""
     for name in ("talos", "g1", "human", *(("icub", "romeo") if exhaustive else ())):
         walk = Walk(rbd.load_robot(name), 6, friction=FRICTION)
         run = walked(walk)
         check(walk, run)
         assert len(walk.plan.footsteps) == 6 and not walk.plans
-        assert run.com[-1, 0] - run.com[0, 0] == pytest.approx(5 * 0.23 * walk.plan.centroid.com[0, 2], rel=0.02)
+        stride = (0.65 if name == "romeo" else 1.0) * 0.23 * walk.plan.centroid.com[0, 2]
+        assert run.com[-1, 0] - run.com[0, 0] == pytest.approx(5 * stride, rel=0.02)
 
 
 @pytest.mark.parametrize(("velocity", "turn"), [((0.0, 0.08, 0.0), 0.0), ((0.0, 0.0, 0.262), 90.0), ((-0.15, 0.0, 0.0), 0.0)])
