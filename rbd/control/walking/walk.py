@@ -67,8 +67,9 @@ BETWEEN, BEHIND, QUICK = 3, 1e-3, 0.9
 """Speeds are checked at three times as many poses of a swing as torques; a joint within 1e-3 rad of its pose has reached it.
 Nine tenths of its speed have to be enough: of Romeo, who turns at 0.15 rad/s, and falls at 0.17, hips need 0.85 and 0.94."""
 EASY, SHORTER = 0.4, (1.0, 0.8, 0.65)
-"""On two feet a stride that is not given is shortened to the second or third of these shares where joints need more than 0.4 of
-their speeds. The usual one of Romeo needs 0.6: his hips lag behind, the body pitches, and he falls; of others at most 0.2."""
+"""On two feet and a plane a stride that is not given is shortened to the second or third of these shares where joints need more
+than 0.4 of their speeds. The usual one of Romeo needs 0.6: his hips lag behind, the body pitches, and he falls; of others at
+most 0.2. On stairs it has to fit them."""
 
 
 class Walk(Displayed):
@@ -96,7 +97,7 @@ class Walk(Displayed):
         robot: The robot, with two or four feet.
         steps: How many times a foot (of four: a group of the gait) is lifted; or `Footstep` records in any order.
         velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait,
-            but on two feet with shorter strides where joints would need more than 40 % of their speeds.
+            but on two feet and a plane with shorter strides where joints would need more than 40 % of their speeds.
             Forwards is along x of the base, or where toes clearly point backwards (iCub's), along -x.
         terrain: What it walks on: a plane, a height [m], or `rbd.Terrain`; a sole is put down where it rests wholly, at most
             20 cm before or behind, and feet clear what lies between.
@@ -188,7 +189,8 @@ class Walk(Displayed):
         self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
         self._legs = {name: self._leg(feet[name]) for name in self._two}
         counted = isinstance(steps, int | np.integer)
-        shorter = SHORTER if counted and velocity is None and self._two else SHORTER[:1]
+        free = counted and velocity is None and self._two and not isinstance(on, Terrain)
+        shorter = SHORTER if free else SHORTER[:1]
         for share in shorter:
             planned: Sequence[Footstep]
             if counted:
