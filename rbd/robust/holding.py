@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rbd.arrays import Array, check_number, check_whole
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, listed
 from rbd.displayed import Displayed, drawing
 from rbd.errors import NoSolution
 from rbd.errors.inputs import check_choice
@@ -95,10 +95,18 @@ class RobustHold(_Certified, Displayed):
     @property
     def forces(self) -> Array:
         """Weights of the proof at the corners of the pushes and the middle of all else, shape (k, p) [N]; of its first part."""
+        return self._of_first_part("forces")
+
+    @property
+    def corrections(self) -> Array:
+        """What each uncertain number adds to `forces` at its upper end, shape (k, n, p) [N]; of the first part."""
+        return self._of_first_part("corrections")
+
+    def _of_first_part(self, name: str) -> Array:
         part = self.document["proof"]
         while "split" in part:
             part = part["below"]
-        return np.array([[float(Fraction(x)) for x in row] for row in part["forces"]])
+        return np.array(verifier.exact(part[name]), float)
 
     def export(self, path: str | Path) -> Path:
         """Write a page whose sliders move one member within the set, with its forces: see `rbd.visual.export_members`."""
@@ -253,7 +261,7 @@ def hold(
     most = check_whole("most_parts", most_parts, 100_000, least=1)
     if joints is None:
         return decided(Prover(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques), kept, most)
-    poses = Poses(state, tuple(contacts), joints, (pushes, friction, mass, com, loops))
+    poses = Poses(state, listed(contacts), joints, (pushes, friction, mass, com, loops))
     return decided(Prover(poses.whole, torques), kept, most, poses)
 
 
@@ -339,7 +347,7 @@ class _Search:
             NoSolution: neither, and there may be no more parts.
         """
         own = self.poses is not None and bool((high - low < 2.0).any())
-        prover, ends = (self._of_part(low, high)) if own else (self.prover, (low, high))
+        prover, ends = self._of_part(low, high) if own else (self.prover, (low, high))
         L, torques = prover.loads, prover.torques
         found, proof = prover.witness(*ends, self.margin)
         if proof is not None:

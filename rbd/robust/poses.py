@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint
 from rbd.errors import DistantContactWarning, Unsupported
 from rbd.model.state import State
 from rbd.robust.pose_bounds import Boxed, PoseBounds, Taylor, bounds_over_poses, middles
@@ -65,7 +65,7 @@ class Poses:
 
     def _over(self, joints: Boxed, planes: ForceBalance | None) -> UncertainLoads:
         middle = self.alone(middles(self.state.robot, joints))
-        return over_poses(middle, listed(self.contacts), joints, self.given[2], self.given[3], planes)
+        return over_poses(middle, self.contacts, joints, self.given[2], self.given[3], planes)
 
 
 def posed(state: State, joints: Mapping[str, float]) -> State:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
-from fractions import Fraction
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -19,32 +17,21 @@ from rbd.errors.inputs import check_kind
 from rbd.installation import VERSION
 from rbd.motion.frame_terms import placements
 from rbd.robust.holding import RobustHold
-from rbd.visual.pages.page import script_safe, write_page
-from rbd.visual.robot_meshes import drawable
+from rbd.visual.pages.page import page_template, script_safe, write_page
 from rbd.visual.stills import surface_points
 
 POINTS = 16000
 """Of the robot's surfaces, about."""
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>$title</title>
-<style>
-body { margin: 0; padding: 16px 20px; color: #1f2933; font: 14px/20px system-ui, "DejaVu Sans", sans-serif; }
+_PAGE = page_template(
+    """body { margin: 0; padding: 16px 20px; color: #1f2933; font: 14px/20px system-ui, "DejaVu Sans", sans-serif; }
 h1 { font-size: 20px; margin: 0 0 4px; } .quiet { color: #52606d; margin: 0 0 10px; }
 main { display: flex; flex-wrap: wrap; gap: 20px; } canvas { border: 1px solid #d9e2ec; border-radius: 6px; cursor: grab; }
 aside { flex: 1 1 300px; max-width: 460px; } label { display: grid; grid-template-columns: 150px 1fr 92px; gap: 8px; }
 input { width: 100%; } output { text-align: right; } td { padding: 1px 10px 1px 0; }
 #says { border-radius: 6px; padding: 8px 12px; margin-bottom: 10px; background: #e3f3e6; }
 .beyond #says { background: #fbdcdc; }
-.beyond canvas { border-color: #c4161c; } .bar { display: inline-block; height: 10px; background: #0b5d94; }
-</style>
-</head>
-<body>
-<h1>$title</h1>
+.beyond canvas { border-color: #c4161c; } .bar { display: inline-block; height: 10px; background: #0b5d94; }""",
+    """<h1>$title</h1>
 <p class="quiet">$about</p>
 <main><canvas id="robot" width="620" height="620"></canvas>
 <aside><div id="says"></div><div id="sliders"></div><table id="used"></table></aside></main>
@@ -128,10 +115,8 @@ for (const s of D.sliders) {
 }
 canvas.addEventListener("pointermove", (e) => { if (e.buttons) { yaw -= 0.01 * e.movementX; draw(); } });
 draw();
-</script>
-</body>
-</html>
-""")
+</script>""",
+)
 
 
 def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
@@ -157,12 +142,9 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
             f"{held}: the page knows proofs of one part, at one pose, with torques='each' and forces at one point at most."
         )
     state, robot, sets = loads.state, loads.state.robot, loads.balance.sets
-    joint, local, normal, _ = surface_points(drawable(robot))
-    each = slice(None, None, max(len(joint) // POINTS, 1))
     (R,), (p,) = placements(robot, state.q[None])
-    places = np.matmul(R[joint[each]], local[each, :, None])[..., 0] + p[joint[each]]
-    light = np.abs(np.matmul(R[joint[each]], normal[each, :, None])[:, :, 0] @ (-0.3, 0.5, 0.81))
-    shade = (110.0 + 120.0 * light.clip(0.0, 1.0)).round()
+    places, light, _ = (x[:: max(len(x) // POINTS, 1)] for x in surface_points(robot, R, p))
+    shade = (110.0 + 120.0 * light).round()
     low, high = places.min(axis=0), places.max(axis=0)
     sliders, kinds = _sliders(held)
     motors, limits = robot.actuated, loads.limits
@@ -173,7 +155,7 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
         "push_metres": 0.3 * float((high - low).max()) / max(float(np.linalg.norm(loads.components, axis=1).max()), 1e-9),
         "pushes": loads.components.tolist(), "simplices": _simplices(loads.components),
         "size": 1.0 + float(np.abs(loads.components).max(initial=0.0)),
-        "forces": held.forces.tolist(), "corrections": _numbers(held.document["proof"]["corrections"]),
+        "forces": held.forces.tolist(), "corrections": held.corrections.tolist(),
         "loads": loads.corners[:, motors].tolist(), "columns": loads.columns[:, motors].tolist(),
         "motors": loads.balance.per_weight[motors].tolist(), "cones": sets.cone_columns.tolist(), "friction": sets.mu.tolist(),
         "low": [x if np.isfinite(x) else None for x in np.asarray(limits[0]).tolist()],
@@ -186,10 +168,6 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
     target = Path(os.path.expanduser(path))
     write_page(target, _PAGE.substitute(title=title, about=about, data=script_safe(json.dumps(data))))
     return target
-
-
-def _numbers(x: Any) -> Any:
-    return [_numbers(each) for each in x] if isinstance(x, list) else float(Fraction(x))
 
 
 def _points(held: RobustHold) -> list[dict[str, Any]]:

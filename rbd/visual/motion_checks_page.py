@@ -7,7 +7,6 @@ import html
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from rbd.installation import VERSION
 from rbd.model.output_files import write_text
 from rbd.motion.causes import FIGURES
 from rbd.motion.contact_detection import NOTHING
+from rbd.visual.pages.page import ONLY_ITSELF, page_template
 from rbd.visual.playback.report_motion import cause_colors
 from rbd.visual.stills import still
 
@@ -39,16 +39,8 @@ GREY = "#b8c2cc"
 """What was before."""
 TOLD = (NOTHING, "its own rate was kept")
 """Notes that are listed begin so."""
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
-img-src data:">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>$title</title>
-<style>
-body { margin: 0 auto; max-width: 1180px; padding: 20px 24px 60px; color: #1f2933; background: #ffffff; }
+_PAGE = page_template(
+    """body { margin: 0 auto; max-width: 1180px; padding: 20px 24px 60px; color: #1f2933; background: #ffffff; }
 body, table { font: 14px/20px system-ui, "DejaVu Sans", sans-serif; }
 h1 { font-size: 24px; line-height: 30px; margin: 8px 0 4px; } h2 { font-size: 17px; margin: 34px 0 10px; }
 p { margin: 4px 0; } .quiet { color: #52606d; } a { color: #0b5d94; }
@@ -70,11 +62,8 @@ figcaption { margin-top: 4px; font-size: 13px; line-height: 17px; overflow-wrap:
 th, td { padding: 4px 8px; text-align: right; white-space: nowrap; border-bottom: 1px solid #e4e9ee; }
 th { position: sticky; top: 0; background: #ffffff; cursor: pointer; }
 th:first-child, td:first-child, .left { text-align: left; }
-td:first-child, .left { overflow-wrap: anywhere; white-space: normal; min-width: 150px; }
-</style>
-</head>
-<body>
-<h1>$title</h1>
+td:first-child, .left { overflow-wrap: anywhere; white-space: normal; min-width: 150px; }""",
+    """<h1>$title</h1>
 <p class="quiet">$about</p>
 $body
 <script>
@@ -84,10 +73,9 @@ for (const head of document.querySelectorAll("th")) head.addEventListener("click
   const by = (a, b) => isNaN(value(a) - value(b)) ? value(a).localeCompare(value(b)) : value(a) - value(b);
   body.append(...[...body.rows].sort((a, b) => up ? by(a, b) : by(b, a)));
 });
-</script>
-</body>
-</html>
-""")
+</script>""",
+    policy=ONLY_ITSELF + "; img-src data:",
+)
 
 
 def export_motion_checks(checks: Any, folder: str | os.PathLike[str], *, pages: int = MOST_PAGES, **settings: Any) -> Path:

@@ -7,7 +7,6 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from rbd.answers.least_constraint import solve
@@ -21,7 +20,7 @@ from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 from rbd.visual.marks.other_constraints import origin_of
 from rbd.visual.pages.browser import Browser
-from rbd.visual.pages.page import screenshot, write_page
+from rbd.visual.pages.page import page_template, screenshot, write_page
 from rbd.visual.robot_meshes import drawable
 from rbd.visual.scene import Scene
 from rbd.visual.style import MOST_SIZE, a_page, a_picture, check_size
@@ -31,26 +30,15 @@ MOST = 12
 CAPTION_HEIGHT, GAP = 44, 4
 """Of a scene's caption, and between two scenes [pixels]."""
 
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; \
-style-src 'unsafe-inline'; img-src data: blob:; worker-src blob:; frame-src 'self' about:">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>$title</title>
-<style>
-html, body { margin: 0; height: 100%; background: #ffffff; font: 15px/20px system-ui, "DejaVu Sans", sans-serif; }
+_PAGE = page_template(
+    """html, body { margin: 0; height: 100%; background: #ffffff; font: 15px/20px system-ui, "DejaVu Sans", sans-serif; }
 main { display: grid; grid-template-columns: repeat($columns, minmax(0, 1fr)); gap: ${gap}px; height: 100%; }
 main { grid-template-rows: repeat($rows, minmax(0, 1fr)); }
 figure { margin: 0; display: flex; flex-direction: column; min-height: 0; }
 iframe { flex: 1; min-height: 0; width: 100%; border: 0; }
 figcaption { height: ${caption}px; line-height: ${caption}px; padding: 0 16px; background: #eef2f5; color: #1f2933; }
-figcaption { white-space: nowrap; overflow: hidden; text-overflow: ellipsis; font-weight: 600; flex: none; }
-</style>
-</head>
-<body>
-<main id="meshcat-pane">
+figcaption { white-space: nowrap; overflow: hidden; text-overflow: ellipsis; font-weight: 600; flex: none; }""",
+    """<main id="meshcat-pane">
 $figures
 </main>
 <script>
@@ -70,10 +58,10 @@ const wait = setInterval(() => {
   clearInterval(wait);
   document.body.dataset.ready = "true";
 }, 100);
-</script>
-</body>
-</html>
-""")
+</script>""",
+    policy="default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; worker-src blob:; frame-src 'self' about:",
+)
 
 
 def scenes_beside(

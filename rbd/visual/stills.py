@@ -59,10 +59,9 @@ def still(
     Raises:
         InputError: a bare model.
     """
-    joint, local, normal, color = surface_points(drawable(robot))
     (R,), (p,) = placements(robot, q[None])
-    places = np.matmul(R[joint], local[:, :, None])[..., 0] + p[joint]
-    shade = color * (0.45 + 0.6 * _lit(np.matmul(R[joint], normal[:, :, None])[..., 0]))
+    places, light, color = surface_points(robot, R, p)
+    shade = color * (0.45 + 0.6 * light)
     heading = np.arctan2(R[1, 1, 0], R[1, 0, 0])
     turn = np.array([[np.cos(heading), -np.sin(heading), 0.0], [np.sin(heading), np.cos(heading), 0.0], [0.0, 0.0, 1.0]])
     back = turn @ SEEN_FROM / np.linalg.norm(SEEN_FROM)
@@ -135,7 +134,14 @@ def _lit(normals: Array) -> Array:
     return np.asarray(np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT))))[:, None]
 
 
-def surface_points(robot: Robot) -> tuple[Array, ...]:
+def surface_points(robot: CheckedModel, R: Array, p: Array) -> tuple[Array, Array, Array]:
+    """(place in W [m], light 0 to 1, colour) of points on a robot's surfaces, its joints at (R, p), of `placements`."""
+    joint, local, normal, color = _points(drawable(robot))
+    light = _lit(np.matmul(R[joint], normal[:, :, None])[..., 0])
+    return np.matmul(R[joint], local[:, :, None])[..., 0] + p[joint], light, color
+
+
+def _points(robot: Robot) -> tuple[Array, ...]:
     """(joint, place in its axes, normal, colour) of points on the surfaces of a robot."""
     if robot not in _POINTS:
         rows = [_on_part(part.mesh.vertices[part.mesh.faces]) for part in robot_parts(robot)]

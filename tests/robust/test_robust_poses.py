@@ -148,3 +148,11 @@ def test_boxes_that_are_none_are_refused(given, error):
     solo = rbd.load_robot("solo12")
     with pytest.raises(error):
         hold(solo.standing(), solo.feet(friction=0.7), **given)
+
+
+def test_a_single_contact_is_refused_with_joints_as_without() -> None:
+    """Both ask for a list."""
+    solo = rbd.load_robot("solo12")
+    for joints in (None, {"FL_HAA": (-0.001, 0.001)}):
+        with pytest.raises(rbd.InputError, match=r"give a list, \[constraint\]"):
+            hold(solo.standing(), solo.feet(friction=0.7)[0], joints=joints)  # type: ignore[arg-type]

@@ -66,10 +66,12 @@ as a share of the angle between them that legs allow: a foot turns by twice as m
 BETWEEN, BEHIND, QUICK = 3, 1e-3, 0.9
 """Speeds are checked at three times as many poses of a swing as torques; a joint within 1e-3 rad of its pose has reached it.
 Nine tenths of its speed have to be enough: of Romeo, who turns at 0.15 rad/s, and falls at 0.17, hips need 0.85 and 0.94."""
-EASY, SHORTER = 0.4, (1.0, 0.8, 0.65)
-"""On two feet and a plane a stride that is not given is shortened to the second or third of these shares where joints need more
+EASY, SHORTER = 0.4, (0.8, 0.65)
+"""On two feet and a plane a stride that is not given is shortened to the first or second of these shares where joints need more
 than 0.4 of their speeds. The usual one of Romeo needs 0.6: his hips lag behind, the body pitches, and he falls; of others at
 most 0.2. On stairs it has to fit them."""
+_Pose = tuple[float, State]
+"""When, and how the robot stands then."""
 
 
 class Walk(Displayed):
@@ -188,22 +190,17 @@ class Walk(Displayed):
         )  # fmt: skip
         self._two = tuple(roles[side] for side in TWO) if len(feet) == 2 else ()
         self._legs = {name: self._leg(feet[name]) for name in self._two}
-        counted = isinstance(steps, int | np.integer)
-        free = counted and velocity is None and self._two and not isinstance(on, Terrain)
-        shorter = SHORTER if free else SHORTER[:1]
-        for share in shorter:
-            planned: Sequence[Footstep]
-            if counted:
-                n = check_whole("steps of Walk", int(steps), 10_000)  # type: ignore[arg-type]
-                advance = share * self._advance(velocity)
-                planned = steps_of(floor, poses, roles, self.gait, n, advance, STARTS * unit, unit, yaw)
-            else:
-                planned = self._given(steps)
-            self._first = self._planner.over(planned)
-            self._check_roll()
-            poses_of_plan, swings = self._check_reach()
-            if all(self._behind(poses_of_swing, EASY)[0] <= BEHIND for _, poses_of_swing in swings):
-                break
+        if isinstance(steps, int | np.integer):
+            n, whole = check_whole("steps of Walk", int(steps), 10_000), self._advance(velocity)
+            counted = partial(steps_of, floor, poses, roles, self.gait, n, start=STARTS * unit, unit=unit, yaw=yaw)
+            poses_of_plan, swings = self._planned(counted(whole))
+            if velocity is None and self._two and not isinstance(on, Terrain):
+                for share in SHORTER:
+                    if all(self._behind(poses_of_swing, EASY)[0] <= BEHIND for _, poses_of_swing in swings):
+                        break
+                    poses_of_plan, swings = self._planned(counted(share * whole))
+        else:
+            poses_of_plan, swings = self._planned(self._given(steps))
         for step, poses_of_swing in swings:
             self._check_speed(step, poses_of_swing)
         self.adapts, self.plan, self.plans = adapts, self._first, list[tuple[float, WalkPlan]]()
@@ -335,14 +332,20 @@ class Walk(Displayed):
                 )
         return out
 
-    def _check_reach(self) -> tuple[list[tuple[float, State]], list[tuple[Footstep, list[tuple[float, State]]]]]:
+    def _planned(self, steps: Sequence[Footstep]) -> tuple[list[_Pose], list[tuple[Footstep, list[_Pose]]]]:
+        """Make the first plan; its poses, see `_check_reach`."""
+        self._first = self._planner.over(steps)
+        self._check_roll()
+        return self._check_reach()
+
+    def _check_reach(self) -> tuple[list[_Pose], list[tuple[Footstep, list[_Pose]]]]:
         """Poses of the plan and their times, and more of them of each swing.
 
         Refused are footsteps without a pose, or with one that takes too large torques.
         """
-        plan, out, swings = self._first, list[tuple[float, State]](), list[tuple[Footstep, list[tuple[float, State]]]]()
+        plan, out, swings = self._first, list[_Pose](), list[tuple[Footstep, list[_Pose]]]()
         for step in plan.footsteps:
-            known = list[tuple[float, State]]()
+            known = list[_Pose]()
             for i, t in enumerate(np.linspace(step.start, step.end, 3 * BETWEEN + 1).tolist()):
                 targets = places_of(self.contacts, {foot.name: plan.placed(foot.name, t) for foot in self.contacts})
                 near = self._carried(t)
@@ -367,7 +370,7 @@ class Walk(Displayed):
             swings.append((step, known))
         return out, swings
 
-    def _behind(self, poses: Sequence[tuple[float, State]], share: float) -> tuple[float, Joint | None]:
+    def _behind(self, poses: Sequence[_Pose], share: float) -> tuple[float, Joint | None]:
         """How far a joint of the legs, at this share of its speed, is behind its pose when a foot lands [rad], and which."""
         legs = leg_joints(self.robot, self.contacts)
         joints = [j for j in self.robot.joints.values() if j.nq == 1 and j.id in legs]
@@ -381,7 +384,7 @@ class Walk(Displayed):
         behind = np.abs(poses[-1][1].q[at] - reached)
         return float(behind.max()), joints[int(behind.argmax())]
 
-    def _check_speed(self, step: Footstep, poses: Sequence[tuple[float, State]]) -> None:
+    def _check_speed(self, step: Footstep, poses: Sequence[_Pose]) -> None:
         """Refuse a swing after which a joint of the legs, at 90 % of its speed, is behind its pose when the foot lands."""
         behind, joint = self._behind(poses, QUICK)
         if joint is not None and behind > BEHIND:
@@ -391,7 +394,7 @@ class Walk(Displayed):
                 "gait with longer swings."
             )
 
-    def _arms_of(self, given: Any, poses: Sequence[tuple[float, State]]) -> HeldArms | None:
+    def _arms_of(self, given: Any, poses: Sequence[_Pose]) -> HeldArms | None:
         """How arms are held; None: as at the start."""
         start, robot = self.state.q, self.robot
         if not isinstance(given, bool):

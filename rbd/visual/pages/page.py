@@ -30,19 +30,33 @@ _POLICY = (
     "img-src data: blob:; worker-src blob:; connect-src {connect}"
 )
 
-_PAGE = Template("""<!DOCTYPE html>
+ONLY_ITSELF = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
+"""Policy of a page without requests, whose scripts and styles are its own."""
+
+
+def page_template(style: str, body: str, policy: str = ONLY_ITSELF) -> Template:
+    """A page with `$title`, and what else its style, body and policy leave open."""
+    return Template(f"""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="$policy">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>$title</title>
 <style>
-$style
+{style}
 </style>
 </head>
 <body>
-<noscript>This page is a picture to turn and play: it needs JavaScript, which is off here.</noscript>
+{body}
+</body>
+</html>
+""")
+
+
+_PAGE = page_template(
+    "$style",
+    """<noscript>This page is a picture to turn and play: it needs JavaScript, which is off here.</noscript>
 <div id="meshcat-pane"></div>
 <aside id="legend"></aside>
 <script type="text/plain" id="library">$library</script>
@@ -56,10 +70,9 @@ unpackPage($sizes, (made) => {
 stage = made;
 $start
 });
-</script>
-</body>
-</html>
-""")
+</script>""",
+    policy="$policy",
+)
 SCRIPTS = (
     *("stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
     *("views.js", "gauges.js", "toolbar.js"),
