@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import math
 import pickle
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -191,6 +192,20 @@ def test_a_walk_that_joints_are_too_slow_for_is_refused(exhaustive: bool) -> Non
         Walk(romeo, 2, (0.0, 0.0, 0.17))
     if exhaustive:
         walk = Walk(romeo, 6, (0.0, 0.0, 0.15))
+        check(walk, walked(walk))
+
+
+def test_strides_that_legs_are_too_slow_for_are_refused_with_one_that_they_are_not(exhaustive: bool) -> None:
+    """Romeo falls at 0.16 m/s: refused, in a curve too, with a velocity that is walked, exhaustive; aside he may be quicker."""
+    romeo = rbd.load_robot("romeo")
+    with pytest.raises(InputError, match=r"too slow to walk forwards at 0\.16 m/s: .* Give at most (\d\.\d+) m/s") as straight:
+        Walk(romeo, 4, (0.16, 0.0, 0.0))
+    if exhaustive:
+        with pytest.raises(InputError, match=r"too slow to walk forwards at 0\.16 m/s: .* Give at most (\d\.\d+) m/s"):
+            Walk(romeo, 6, (0.16, 0.02, 0.05))
+        given = re.search(r"at most ([\d.]+) m/s", str(straight.value))
+        assert given is not None
+        walk = Walk(romeo, 6, (float(given[1]), 0.0, 0.0))
         check(walk, walked(walk))
 
 

@@ -66,12 +66,14 @@ as a share of the angle between them that legs allow: a foot turns by twice as m
 BETWEEN, BEHIND, QUICK = 3, 1e-3, 0.9
 """Speeds are checked at three times as many poses of a swing as torques; a joint within 1e-3 rad of its pose has reached it.
 Nine tenths of its speed have to be enough: of Romeo, who turns at 0.15 rad/s, and falls at 0.17, hips need 0.85 and 0.94."""
-EASY, SHORTER = 0.4, (0.8, 0.65)
-"""On two feet and a plane a stride that is not given is shortened to the first or second of these shares where joints need more
-than 0.4 of their speeds. The usual one of Romeo needs 0.6: his hips lag behind, the body pitches, and he falls; of others at
-most 0.2. On stairs it has to fit them."""
+EASY, SHORTER, SHORTEST = 0.4, 0.8, 0.3
+"""On two feet and a plane, joints need at most 0.4 of their speeds to go forwards; strides that are not given are shortened by
+0.8 until they do, to 0.3 of their length. The usual one of Romeo needs 0.6: his hips lag behind, the body pitches, and he
+falls; of others at most 0.2. Walks aside and turns that need more stand. On stairs strides have to fit."""
 _Pose = tuple[float, State]
 """When, and how the robot stands then."""
+_Poses = tuple[list[_Pose], list[tuple[Footstep, list[_Pose]]]]
+"""Poses of a plan, and more of them of each swing."""
 
 
 class Walk(Displayed):
@@ -99,7 +101,8 @@ class Walk(Displayed):
         robot: The robot, with two or four feet.
         steps: How many times a foot (of four: a group of the gait) is lifted; or `Footstep` records in any order.
         velocity: (forwards, to the left, turn to the left) of the body [m/s, m/s, rad/s]; None: forwards, as usual of the gait,
-            but on two feet and a plane with shorter strides where joints would need more than 40 % of their speeds.
+            but on two feet and a plane with shorter strides where joints would need more than 40 % of their speeds; forwards or
+            backwards faster than that is refused.
             Forwards is along x of the base, or where toes clearly point backwards (iCub's), along -x.
         terrain: What it walks on: a plane, a height [m], or `rbd.Terrain`; a sole is put down where it rests wholly, at most
             20 cm before or behind, and feet clear what lies between.
@@ -194,11 +197,8 @@ class Walk(Displayed):
             n, whole = check_whole("steps of Walk", int(steps), 10_000), self._advance(velocity)
             counted = partial(steps_of, floor, poses, roles, self.gait, n, start=STARTS * unit, unit=unit, yaw=yaw)
             poses_of_plan, swings = self._planned(counted(whole))
-            if velocity is None and self._two and not isinstance(on, Terrain):
-                for share in SHORTER:
-                    if all(self._behind(poses_of_swing, EASY)[0] <= BEHIND for _, poses_of_swing in swings):
-                        break
-                    poses_of_plan, swings = self._planned(counted(share * whole))
+            if self._two and whole[0] and not isinstance(on, Terrain):
+                poses_of_plan, swings = self._easy(counted, whole, (poses_of_plan, swings), given=velocity is not None)
         else:
             poses_of_plan, swings = self._planned(self._given(steps))
         for step, poses_of_swing in swings:
@@ -332,13 +332,36 @@ class Walk(Displayed):
                 )
         return out
 
-    def _planned(self, steps: Sequence[Footstep]) -> tuple[list[_Pose], list[tuple[Footstep, list[_Pose]]]]:
+    def _planned(self, steps: Sequence[Footstep]) -> _Poses:
         """Make the first plan; its poses, see `_check_reach`."""
         self._first = self._planner.over(steps)
         self._check_roll()
         return self._check_reach()
 
-    def _check_reach(self) -> tuple[list[_Pose], list[tuple[Footstep, list[_Pose]]]]:
+    def _easy(self, counted: Callable[[Array], list[Footstep]], whole: Array, planned: _Poses, *, given: bool) -> _Poses:
+        """The plan with shorter strides where joints need too much of their speed to go forwards; strides given are refused."""
+        first, share, tried = self._first, 1.0, planned
+        if given and whole[1:].any():
+            tried = self._planned(counted(whole * [1.0, 0.0, 0.0]))
+        while any(self._behind(poses, EASY)[0] > BEHIND for _, poses in tried[1]):
+            share *= SHORTER
+            if share < SHORTEST:
+                break
+            tried = self._planned(counted(share * whole * [1.0, 0.0, 0.0]))
+        if not given and share >= SHORTEST:
+            return tried
+        if SHORTEST <= share < 1.0:
+            period = (self.gait.swing + self.gait.overlap) * self._planner.unit
+            way = "forwards" if whole[0] > 0.0 else "backwards"
+            raise InputError(
+                f"{self.robot.name} is too slow to walk {way} at {abs(whole[0]) / period:.3g} m/s: its legs would need more "
+                f"than {EASY:.0%} of their speeds, hips lag behind, and it falls. Give at most "
+                f"{share * abs(whole[0]) / period:.3g} m/s, or a gait with longer swings."
+            )
+        self._first = first
+        return planned
+
+    def _check_reach(self) -> _Poses:
         """Poses of the plan and their times, and more of them of each swing.
 
         Refused are footsteps without a pose, or with one that takes too large torques.
