@@ -398,6 +398,18 @@ def _imbalance(P: GaussProblem, a: Array, f: Array) -> list[float]:
     return [x - y for x, y in zip(rate, total, strict=True)]
 
 
+def centroidal_terms(problem: GaussProblem) -> tuple[Array, Array, Array]:
+    """(A_g_dot v, weight and external wrenches w, C), shapes (6,), (6,), (6, m): momentum needs A_g a + A_g_dot v = w + C f.
+
+    Of a problem with a balance.
+    """
+    b = problem.balance
+    assert b is not None
+    rest, still = np.array(_imbalance(problem, np.zeros(len(problem.rhs)), np.zeros(problem.m))), np.zeros(len(problem.rhs))
+    each = [rest - _imbalance(problem, still, unit) for unit in np.eye(problem.m)]
+    return b.rate_bias, b.wrench, np.array(each).reshape(-1, 6).T
+
+
 class Scales:
     """Sizes of the equations' terms at one answer, in physical units."""
 

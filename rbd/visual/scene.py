@@ -7,12 +7,12 @@ import webbrowser
 from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import meshcat
 import numpy as np
 
-from rbd.arrays import Array, check_positive
+from rbd.arrays import Array, check_flag, check_positive
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
@@ -33,6 +33,7 @@ from rbd.visual.pages.server import LiveServer, Recorder, drawn_together
 from rbd.visual.robot_layers import a_direction, camera_and_ground, frames, front_of, seen_from
 from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.style import a_page, a_picture, contact_colors
+from rbd.visual.verified_frames import verified
 
 if TYPE_CHECKING:
     from rbd.answers.solution import Solution
@@ -104,6 +105,7 @@ class Scene(Displayed, Closing):
         self._marks: list[Mark] = []
         self._around_marks: list[Mark] = []
         self._picture = Picture(np.zeros(3))
+        self._given: tuple[State, Solution | Actuation | None]
         self._server: LiveServer | None = None
         self._around = np.zeros((0, 3))
         self._moving = False
@@ -198,7 +200,7 @@ class Scene(Displayed, Closing):
             self.recorder.post("motion", json.dumps({"motion": None}))
             self._around, self._moving = np.zeros((0, 3)), False
         self._body.place(np.asarray(state.q, float), again=reframed)
-        self._picture = Picture.of(state, solution, external)
+        self._picture, self._given = Picture.of(state, solution, external), (state, solution)
         if self._sizes is None:
             moment = self._picture.largest_moment
             self._sizes = Sizes.of(self.robot, self._body.cloud, self._arrow_per_weight, moment)
@@ -259,17 +261,32 @@ class Scene(Displayed, Closing):
         self._body.draw_poses(OtherPoses(states, shown, details or {}, note))
         self._write_legend()
 
-    def export(self, path: str | PathLike[str]) -> Path:
+    def export(self, path: str | PathLike[str], *, verify: bool = False) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
 
         The camera is placed so that robot and arrows fill the view; it can be turned in the browser.
 
+        Args:
+            path: Of the page, ends in .html.
+            verify: Whether the page has a button "verify": it carries M, J, h, tau, a, f and the sets of forces, computes the
+                residuals anew in the browser, compares them with those of the solution, and shows which contacts leave their
+                cones if friction is less. Some 5 to 10 kB more.
+
         Raises:
+            InputError: verify=True without a solution of `rbd.solve` in the scene.
             PictureError: if nothing has been shown, or the file cannot be written.
         """
         target = a_page(path)
-        write_page(target, self.page())
+        check_flag("verify of export", verify)
+        write_page(target, self.page(self._verified() if verify else ""))
         return target
+
+    def _verified(self) -> str:
+        """What the verifier on the page needs."""
+        state, solution = self._given
+        if not hasattr(solution, "residuals") or not hasattr(solution, "law"):
+            raise InputError("verify=True needs an answer of rbd.solve in the scene: scene.show(state, solution) first.")
+        return verified([(None, state, cast("Solution", solution))])
 
     def screenshot(
         self, path: str | PathLike[str], *, width: int = 1280, height: int = 960, browser: Browser | None = None
@@ -288,10 +305,10 @@ class Scene(Displayed, Closing):
         """
         return photograph(self.page(), a_picture(path), width, height, browser)
 
-    def page(self) -> str:
-        """The page that `export` writes, as text."""
+    def page(self, verify: str = "") -> str:
+        """The page that `export` writes, as text; with answers to be verified, of `rbd.visual.verified_frames`."""
         # A live viewer keeps its camera while the robot moves; a page is framed for its contents.
-        return offline_page(self.title, [*self.recorder.messages()[0], self._view()])
+        return offline_page(self.title, [*self.recorder.messages()[0], self._view(), *([verify] if verify else [])])
 
     def stage_motion(
         self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None, *, title: str | None = None

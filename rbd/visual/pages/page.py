@@ -77,7 +77,7 @@ SCRIPTS = (
     *("stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
     *("views.js", "gauges.js", "toolbar.js"),
     *("support.js", "force_elements.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
-    *("live.js", "controls.js", "backdrop.js"),
+    *("live.js", "controls.js", "backdrop.js", "verify.js"),
 )
 LEVEL = 6
 """Of zlib: level 9 takes four times as long, for a hundredth less."""

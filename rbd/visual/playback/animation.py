@@ -39,6 +39,7 @@ from rbd.visual.robot_layers import FRONT_LEFT
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene
 from rbd.visual.style import MOST_SIZE, a_page, a_path, a_picture, check_size
+from rbd.visual.verified_frames import motion_verified
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
@@ -182,6 +183,7 @@ def export_motion(
     arrow_per_weight: float | None = None,
     layers: Mapping[str, bool] | None = None,
     view: str = "start",
+    verify: Any = None,
 ) -> Path:
     """Write a motion as one HTML page that needs no network and no server; returns its path.
 
@@ -234,6 +236,9 @@ def export_motion(
         layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.pages.link.LAYERS`; the page can
             change it.
         view: Where the camera stands at first: "start", "front", "side" or "top".
+        verify: Constraints of a simulated motion, as they were given to `rbd.simulate`: the page gets a button "verify". It
+            carries M, J, h, tau, a and f of answers of `rbd.solve` in some samples, 60 kB a minute, and computes their
+            residuals anew in the browser. A slider makes friction less, and tells which contacts leave their cones.
 
     Raises:
         InputError: no motion, fewer than two samples, invalid settings, charts that it has no numbers for.
@@ -245,9 +250,10 @@ def export_motion(
         >>> print(rbd.visual.export_motion(swing, "swing.html", speed=0.5, charts=["energy"]).name)
         swing.html
     """
-    settings = {name: value for name, value in locals().items() if name not in ("motion", "path")}
+    settings = {name: value for name, value in locals().items() if name not in ("motion", "path", "verify")}
     target = a_page(path)
-    write_page(target, motion_scene(motion, Playback.of(settings)).page())
+    answers = "" if verify is None else motion_verified(motion, verify, external)
+    write_page(target, motion_scene(motion, Playback.of(settings)).page(answers))
     return target
 
 

@@ -119,6 +119,7 @@ class Stage {
     if (message.paused && this.player) this.player.play(false);
     if (message.controls) this.controls.build(message.controls);
     if (message.answer) this.controls.answer(message.answer);
+    if (message.verify) this.verifier = new Verifier(this, message.verify);
     if (message.view) {
       this.light(message.view);
       if (!document.body.dataset.ready) this.views.name = message.view.opens;

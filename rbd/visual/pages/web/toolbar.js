@@ -4,19 +4,11 @@ class Toolbar {
     this.stage = stage;
     this.node = make("nav", "chrome toolbar", document.body);
     this.node.setAttribute("aria-label", "View");
-    const row = this.row = make("div", "row", this.node);
-    this.views = this.viewButtons(make("span", "views", row));
-    const opener = (text, name, panel, key) => {
-      const button = make("button", "opener", row, text);
-      button.type = "button";
-      button.title = `${name} (${key})`;
-      button.setAttribute("aria-label", name);
-      button.setAttribute("aria-expanded", "false");
-      button.setAttribute("aria-controls", panel);
-      button.onclick = () => this.open(this.opened === panel ? "" : panel);
-      return { panel, button, node: Object.assign(make("div", "panel", this.node), { id: panel, hidden: true }) };
-    };
-    this.panels = [opener("layers", "Layers", "layers", "l"), opener("?", "Help", "help", "?")];
+    this.row = make("div", "row", this.node);
+    this.views = this.viewButtons(make("span", "views", this.row));
+    this.panels = [];
+    this.panel("layers", "Layers", "l");
+    this.panel("?", "Help", "?", "help");
     this.layers = this.panels[0].node;
     this.layers.setAttribute("role", "group");
     this.layers.setAttribute("aria-label", "Layers");
@@ -28,6 +20,20 @@ class Toolbar {
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
     window.addEventListener("resize", () => this.refresh());
     stage.pane.addEventListener("pointerdown", () => this.open(""));
+  }
+
+  // A button at the end of the row, and the panel that it opens.
+  panel(text, name, key, panel = text) {
+    const button = make("button", "opener", this.row, text);
+    button.type = "button";
+    button.title = `${name} (${key})`;
+    button.setAttribute("aria-label", name);
+    button.setAttribute("aria-expanded", "false");
+    button.setAttribute("aria-controls", panel);
+    button.onclick = () => this.open(this.opened === panel ? "" : panel);
+    const node = Object.assign(make("div", "panel", this.node), { id: panel, hidden: true });
+    this.panels.push({ panel, button, node, key });
+    return node;
   }
 
   // Where the row of buttons ends [pixels]; 0 where there are none.
@@ -124,12 +130,11 @@ class Toolbar {
     if (event.target.matches && event.target.matches("select, textarea, input:not([type=checkbox]):not([type=range])")) return;
     const { stage } = this;
     const actions = {
-      l: () => this.open(this.opened === "layers" ? "" : "layers"),
       n: () => this.show("labels", stage.layers.on.labels !== true),
       h: () => foldLegend(stage.legend),
-      "?": () => this.open(this.opened === "help" ? "" : "help"),
       Escape: () => { this.open(""); stage.labels.clear(); },
     };
+    for (const { panel, key } of this.panels) actions[key] = () => this.open(this.opened === panel ? "" : panel);
     VIEWS.forEach((name, i) => { actions[String(i)] = () => stage.views.go(name); });
     if (!actions[event.key]) return;
     event.preventDefault();
