@@ -152,7 +152,7 @@ class Worlds(Displayed):
         threads: int | None = 1,
         loops: bool = True,
     ) -> None:
-        prepare()  # fused multiplications and additions round otherwise than NumPy's: no first steps without them
+        prepare(advance)  # fused multiplications and additions round otherwise than NumPy's: no first steps without them
         check_positive("step", step, 10.0, "s")
         given = ManyStates.of(robot, q, v, contacts, friction=friction, loops=loops)
         self.robot, self.step, self.coulomb = robot, float(step), slip_law(law).kind == "coulomb"
