@@ -1,9 +1,9 @@
 """Functions compiled by Numba, and the types of their arguments; imported only where such functions are used.
 
 The first `FEW` calls of a process run in Python as they are written: so one answer takes 3 ms, and loading Numba with what it
-compiled 500. Then each is compiled when it is first called, with those that it calls, or loaded from the folder where an earlier
-process kept it; the numbers are the same bit by bit. A process says once that it compiles. `rbd warm-up` compiles all ahead;
-with `RBD_COMPILED=1` in the environment no call runs in Python, and with `RBD_COMPILED=0` all do.
+compiled 500. Then each function is compiled when it is first called, with those that it calls, or loaded from the folder where
+an earlier process kept it; the numbers are the same bit by bit. A process says once that it compiles. `rbd warm-up` compiles
+all ahead; with `RBD_COMPILED=1` in the environment no call runs in Python, and with `RBD_COMPILED=0` all do.
 """
 
 from __future__ import annotations
@@ -132,6 +132,13 @@ class Kernel:
             self.made = _dispatcher(self)
         return self.made._numba_type_
 
+    def called_with(self, kinds: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        """What Numba compiles for arguments of these types: the same for all integers; it would take 0 and 3 for two types."""
+        from numba.core.types import unliteral
+
+        plain = {name: unliteral(kind) for name, kind in named.items()}
+        return type(self.made).get_call_template(self.made, tuple(map(unliteral, kinds)), plain)
+
     def compile(self) -> None:
         """Compile it for its types, or load it."""
         if not self.ready:
@@ -159,7 +166,7 @@ def _entries(x: Any) -> int:
 
 
 def prepare(*which: Callable[..., Any], every: bool = False) -> None:
-    """Compile some kernels at once, or load them; without any all that are imported, and all of the package if some are not kept.
+    """Compile some kernels at once, or load them; if none is named, all that are imported, and all there are if some were new.
 
     For a loop that must not pause, such as a controller's: call it before.
 
@@ -256,7 +263,7 @@ def _dispatcher(kernel: Kernel) -> Any:
         kernel.function, error_model="numpy", no_cfunc_wrapper=True, **own, **kernel.options,
     )  # fmt: skip
     if kernel.types is None:  # it is kept within those that call it
-        made._insert = _nothing
+        made._insert, made.get_call_template = _nothing, kernel.called_with
         return made
     try:
         made._cache = _store()(kernel)
