@@ -404,7 +404,7 @@ def _listen() -> None:
 
 def _tell() -> None:
     _Process.told = True
-    once = "once on this machine, one to two minutes; `rbd warm-up` does it ahead"
-    always = "one to two minutes in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
+    once = "once on this machine, up to a minute; `rbd warm-up` does it ahead"
+    always = "up to a minute in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
     if sys.stderr is not None:
         sys.stderr.write(f"rbd: compiling, {once if _Process.kept else always}.\n")
