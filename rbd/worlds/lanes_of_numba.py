@@ -77,7 +77,7 @@ class Code:
 def _typed(function: Any, kind: Callable[..., Any]) -> None:
     """Have Numba know the type of a function's result by those of its arguments (None: not these)."""
 
-    class Typed(AbstractTemplate):  # type: ignore[misc]
+    class Typed(AbstractTemplate):
         # Numba asks what is for processors first: of its own, for + on anything, it asked dozens at each sum of lanes.
         key, metadata = function, {"target": "cpu"}
 
