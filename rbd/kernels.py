@@ -1,9 +1,9 @@
 """Functions compiled by Numba, and the types of their arguments; imported only where such functions are used.
 
 The first `FEW` calls of a process run in Python as they are written: so one answer takes 3 ms, and loading Numba with what it
-compiled 500. Then all are compiled, or loaded from the folder where an earlier process kept them; the numbers are the same bit
-by bit. A process says once that it compiles. `rbd warm-up` compiles ahead; `RBD_COMPILED=1` in the environment, or `prepare()`,
-compiles at once, and `RBD_COMPILED=0` never.
+compiled 500. Then each function is compiled when it is first called, with those that it calls, or loaded from the folder where
+an earlier process kept it; the numbers are the same bit by bit. A process says once that it compiles. `rbd warm-up` compiles
+all ahead; with `RBD_COMPILED=1` in the environment no call runs in Python, and with `RBD_COMPILED=0` all do.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, update_wrapper
 from importlib import import_module
 from pathlib import Path
@@ -100,29 +100,53 @@ class _Process:
 
 
 class Kernel:
-    """A function of numbers and arrays: Python until `prepare`, which puts Numba's in its place."""
+    """A function of numbers and arrays: Python at first, then Numba's."""
 
     def __init__(self, function: Callable[..., Any], types: Any, options: dict[str, bool]) -> None:
         self.function, self.types, self.options = function, types, options
         self.made: Any = None
+        self.ready = False
         update_wrapper(self, function)
         _kernels.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Its result; one kernel within another is called as that is, since types of Python's numbers may differ."""
-        if self.made is None:
-            if _Process.inside:
-                _Process.few -= 1
-                return self.function(*arguments)
-            # With one thread alone, no other is in Python while the functions are replaced.
+        """Its result; one kernel within another that runs in Python does so too, since types of Python's numbers may differ."""
+        if _Process.inside:
+            _Process.few -= 1
+            return self.function(*arguments)
+        if not self.ready:
+            # With one thread alone, no other calls a kernel while this one runs in Python.
             if _Process.few > 0 and threading.active_count() == 1 and _entries(arguments) <= LARGE:
                 return self._interpreted(arguments)
-            prepare()
+            if self.types is None:
+                return self.function(*arguments)
+            prepare(self)
         return self.made(*arguments)
 
-    def as_written(self, *_: Any, **__: Any) -> Any:
-        """The function, which Python runs in place of compiled code where there is none."""
-        return self.function
+    @property
+    def _numba_type_(self) -> Any:
+        """What one kernel that is compiled sees of another that it calls: Numba's function, compiled first if it has types."""
+        if self.types is not None:
+            self.compile()
+        elif self.made is None:
+            self.made = _dispatcher(self)
+        return self.made._numba_type_
+
+    def called_with(self, kinds: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        """What Numba compiles for arguments of these types: the same for all integers; it would take 0 and 3 for two types."""
+        from numba.core.types import unliteral
+
+        plain = {name: unliteral(kind) for name, kind in named.items()}
+        return type(self.made).get_call_template(self.made, tuple(map(unliteral, kinds)), plain)
+
+    def compile(self) -> None:
+        """Compile it for its types, or load it."""
+        if not self.ready:
+            self.made = _dispatcher(self)
+            result, arguments = self.types
+            self.made.compile(_type(result)(*map(_type, arguments)))
+            self.made.disable_compile()
+            self.ready = True
 
     def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
         _Process.inside, _Process.few = True, _Process.few - 1
@@ -141,12 +165,13 @@ def _entries(x: Any) -> int:
     return max(map(_entries, x), default=0) if isinstance(x, tuple) else int(getattr(x, "size", 0))
 
 
-def prepare(*, every: bool = False) -> None:
-    """Compile at once what has been imported, or load it; all that the package has if some of it was not on disk.
+def prepare(*which: Callable[..., Any], every: bool = False) -> None:
+    """Compile some kernels at once, or load them; if none is named, all that are imported, and all there are if some were new.
 
     For a loop that must not pause, such as a controller's: call it before.
 
     Args:
+        which: Kernels; others run in Python for their first calls, as before.
         every: Whether to prepare all that the package has in any case.
     """
     if not in_use():
@@ -154,12 +179,19 @@ def prepare(*, every: bool = False) -> None:
     from numba.core.compiler_lock import global_compiler_lock
 
     with global_compiler_lock:
-        _Process.few = 0
-        _listen()
-        _make()
+        if which:
+            _make([kernel for kernel in which if isinstance(kernel, Kernel)])
+            return
+        compile_from_now_on()
+        _make(_kernels)
         if every or _Process.compiled and _Process.kept:
             _import()
-            _make()
+            _make(_kernels)
+
+
+def compile_from_now_on() -> None:
+    """Have no more calls run in Python: there will be many."""
+    _Process.few = 0
 
 
 def _import() -> None:
@@ -176,7 +208,7 @@ def modules() -> list[str]:
 
 def folders() -> list[str]:
     """Where compiled functions are kept; empty where they cannot be."""
-    made = [kernel for kernel in _kernels if kernel.made is not None and _Process.kept and kernel.types is not None]
+    made = [kernel for kernel in _kernels if kernel.ready and _Process.kept]
     return sorted({str(each.made._cache.cache_path) for each in made})
 
 
@@ -197,24 +229,18 @@ def share(i: int, n: int) -> tuple[str, ...]:
     """Compile every n-th function that has a signature, from the i-th on, and what these call; the names."""
     _Process.told = True
     _import()
-    _listen()
-    _make(i, n)
+    _make([kernel for kernel in _kernels if kernel.types is not None][i::n])
     return _Process.compiled
 
 
-def _make(first: int = 0, step: int = 1) -> None:
-    """Functions of Numba for those kernels that have none; and in their modules, so that they call each other directly."""
-    waiting = [kernel for kernel in _kernels if kernel.made is None]
+def _make(kernels: Sequence[Kernel]) -> None:
+    """Compile those that have types."""
+    _listen()
     for name in _lessons:
         import_module(name)
-    for kernel in waiting:
-        kernel.made = _dispatcher(kernel)
-    for space in {id(kernel.function.__globals__): kernel.function.__globals__ for kernel in waiting}.values():
-        space.update({name: value.made for name, value in space.items() if isinstance(value, Kernel)})
-    for kernel in [kernel for kernel in waiting if kernel.types is not None][first::step]:
-        result, arguments = kernel.types
-        kernel.made.compile(_type(result)(*map(_type, arguments)))
-        kernel.made.disable_compile()
+    for kernel in kernels:
+        if kernel.types is not None:
+            kernel.compile()
 
 
 def _type(kind: Any) -> Any:
@@ -237,7 +263,7 @@ def _dispatcher(kernel: Kernel) -> Any:
         kernel.function, error_model="numpy", no_cfunc_wrapper=True, **own, **kernel.options,
     )  # fmt: skip
     if kernel.types is None:  # it is kept within those that call it
-        made._insert, made._compile_for_args = _nothing, kernel.as_written
+        made._insert, made.get_call_template = _nothing, kernel.called_with
         return made
     try:
         made._cache = _store()(kernel)
@@ -330,7 +356,6 @@ def _content(kernel: Kernel) -> str:
 
     Those may be of other modules. Numba looks at its source alone, and would go on with the others as they were.
     """
-    known = {id(other.made): other for other in _kernels if other.made is not None}
     reached, waiting, parts = {kernel}, [kernel], list[str]()
     while waiting:  # names may be those of attributes, so that one seems to call itself
         function = waiting.pop().function
@@ -339,8 +364,7 @@ def _content(kernel: Kernel) -> str:
         parts += [repr(each) for each in named if isinstance(each, int | float)]
         if taught := [each for each in named if isinstance(each, FunctionType)]:
             parts += [_source(file) for file in (taught[0].__code__.co_filename, *map(_file, _lessons))]
-        called = [known.get(id(each), each) for each in named]
-        for each in called:
+        for each in named:
             if isinstance(each, Kernel) and each not in reached:
                 reached.add(each)
                 waiting.append(each)
@@ -380,7 +404,7 @@ def _listen() -> None:
 
 def _tell() -> None:
     _Process.told = True
-    once = "once on this machine, one to two minutes; `rbd warm-up` does it ahead"
-    always = "one to two minutes in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
+    once = "once on this machine, up to a minute; `rbd warm-up` does it ahead"
+    always = "up to a minute in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
     if sys.stderr is not None:
         sys.stderr.write(f"rbd: compiling, {once if _Process.kept else always}.\n")

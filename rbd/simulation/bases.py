@@ -17,16 +17,16 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.kernels import prepare
+from rbd.kernels import compile_from_now_on
 from rbd.model.checked_model import CheckedModel
 
 
 @cache
 def step_kernel() -> ModuleType:
-    """`rbd.simulation.step_kernel`, imported with the first step, and compiled: there will be many."""
+    """`rbd.simulation.step_kernel`, imported with the first step; from then on kernels are compiled: there will be many."""
     from rbd.simulation import step_kernel
 
-    prepare()
+    compile_from_now_on()
     return step_kernel
 
 

@@ -15,9 +15,11 @@ from rbd.problem.cones import Bounds, FrictionCone
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.admm import ConeSolver
+from rbd.solvers.law_kernel import forces
+from rbd.solvers.newton_kernel import Problem
 from rbd.worlds.contact_kernel import FOUND
 from rbd.worlds.layout import LEFT, MERITS, RESCUED
-from rbd.worlds.rescue_kernel import left_problem, taken_from
+from rbd.worlds.rescue_kernel import left_problem, take
 from rbd.worlds.sites_kernel import Sites
 
 
@@ -39,12 +41,34 @@ def solve_left(sites: Sites, told: Array, space: Array, whole: Array, n: int, co
 
 def _solve(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: bool) -> None:
     """Find the impulses of one lane."""
-    D, felt, offset, first, width, lower, upper, mu = left_problem(*sites, space, whole, n, of)
-    if taken_from(*sites, space, whole, n, of, coulomb, np.zeros(len(offset)), False) <= FOUND:
-        return
-    if not (np.isfinite(D).all() and np.isfinite(offset).all()):
-        return
-    values, vectors = np.linalg.eigh(D)
+    problem, axes, whose = left_problem(*sites, space, whole, n, of)
+    merit, w = _found(problem, np.zeros(len(problem.offset)), coulomb)
+    if not merit <= FOUND and np.isfinite(problem.D).all() and np.isfinite(problem.offset).all():
+        try:
+            with np.errstate(all="ignore"):
+                guess = ConeSolver(law="coulomb" if coulomb else "convex").solve(_symmetric(problem)).multipliers
+        except RbdError:
+            return
+        merit, w = _found(problem, guess, coulomb)
+        if not merit <= FOUND:
+            merit, w = _found(problem._replace(columns=problem.felt.copy()), guess, coulomb)
+            if merit <= FOUND:
+                better, last = _found(problem, w, coulomb)
+                w = last if better <= FOUND else w
+    if merit <= FOUND:
+        take(*sites, space, n, of, axes, whose, w)
+
+
+def _found(problem: Problem, guess: Array, coulomb: bool) -> tuple[float, Array]:
+    """(merit, impulses) by Newton's steps from a guess."""
+    w = np.zeros(len(guess))
+    return forces(problem, np.array(guess, float), coulomb, np.arange(len(problem.first)), w)[0], w
+
+
+def _symmetric(problem: Problem) -> GaussProblem:
+    """The problem whose forces act where the points are at the end of the step."""
+    _, _, _, felt, offset, first, width, lower, upper, mu = problem
+    values, vectors = np.linalg.eigh(problem.D)
     W = vectors * np.sqrt(np.maximum(values, 0.0))
     part = np.r_[np.arange(len(lower)), np.repeat(len(lower) + np.arange(len(mu)), 3)]
     J = np.array([x[: width[i]] @ W[first[i] : first[i] + width[i]] for x, i in zip(felt, part, strict=True)])
@@ -54,14 +78,4 @@ def _solve(sites: Sites, space: Array, whole: Array, n: int, of: int, coulomb: b
         Rows(f"point {i}", J[at + 3 * i : at + 3 * i + 3], offset[at + 3 * i : at + 3 * i + 3], FrictionCone(float(m)))
         for i, m in enumerate(mu)
     ]
-    problem = GaussProblem(np.eye(len(D)), np.zeros(len(D)), rows)
-    try:
-        with np.errstate(all="ignore"):
-            found = ConeSolver(law="coulomb" if coulomb else "convex").solve(problem)
-    except RbdError:
-        return
-    guess = np.ascontiguousarray(found.multipliers, float)
-    if taken_from(*sites, space, whole, n, of, coulomb, guess, False) <= FOUND:
-        return
-    if taken_from(*sites, space, whole, n, of, coulomb, guess, True) <= FOUND:
-        taken_from(*sites, space, whole, n, of, coulomb, guess, False)
+    return GaussProblem(np.eye(len(W)), np.zeros(len(W)), rows)

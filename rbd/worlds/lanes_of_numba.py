@@ -10,7 +10,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import lower_builtin, models, register_model, type_callable
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import lower_builtin, models, register_model
 
 from rbd.worlds.lanes import LANES, above, lane, lanes_of, largest, load, put_lane, root, spread, store
 
@@ -73,16 +74,26 @@ class Code:
         return self.builder.bitcast(place, VECTOR.as_pointer()) if wide and of is None else place
 
 
-def _teach(function: Any, typed: Callable[..., Any], code: Callable[[Code, Any], Any]) -> None:
-    """Have Numba compile a function: its type by those of its arguments (None: not these), and its instructions."""
+def _typed(function: Any, kind: Callable[..., Any]) -> None:
+    """Have Numba know the type of a function's result by those of its arguments (None: not these)."""
 
-    def typing(context: Any) -> Any:
-        return typed
+    class Typed(AbstractTemplate):
+        # Numba asks what is for processors first: of its own, for + on anything, it asked dozens at each sum of lanes.
+        key, metadata = function, {"target": "cpu"}
+
+        def generic(self, args: Any, kws: Any) -> Any:
+            return None if (result := kind(*args)) is None else signature(result, *args)
+
+    infer_global(function)(Typed)
+
+
+def _teach(function: Any, kind: Callable[..., Any], code: Callable[[Code, Any], Any]) -> None:
+    """Have Numba compile a function: the type of its result, and its instructions."""
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return code(Code(context, builder, sig.args, args), sig.return_type)
 
-    type_callable(function)(typing)
+    _typed(function, kind)
     lower_builtin(function, types.VarArg(types.Any))(lower)
 
 
@@ -150,18 +161,15 @@ _teach(
 def _arithmetic(operation: Any, name: str) -> None:
     """Of two numbers of which one has lanes, as one instruction; products and sums may become one (`contract`)."""
 
-    def typing(context: Any) -> Any:
-        def typed(a: Any, b: Any) -> Any:
-            numbers = all(isinstance(x, Lanes | types.Float | types.Integer) for x in (a, b))
-            return lanes if numbers and _common(a, b) is lanes else None
-
-        return typed
+    def kind(a: Any, b: Any) -> Any:
+        numbers = all(isinstance(x, Lanes | types.Float | types.Integer) for x in (a, b))
+        return lanes if numbers and _common(a, b) is lanes else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         code = Code(context, builder, sig.args, args)
         return getattr(builder, name)(code.lanes(0), code.lanes(1), flags=("contract",))
 
-    type_callable(operation)(typing)
+    _typed(operation, kind)
     for pair in ((Lanes, Lanes), (Lanes, types.Float), (types.Float, Lanes), (Lanes, types.Integer), (types.Integer, Lanes)):
         lower_builtin(operation, *pair)(lower)
 
@@ -170,9 +178,7 @@ for _operation, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (opera
     _arithmetic(_operation, _name)
 
 
-@type_callable(operator.neg)
-def _negated(context: Any) -> Any:
-    return lambda a: a if isinstance(a, Lanes) else None
+_typed(operator.neg, lambda a: a if isinstance(a, Lanes) else None)
 
 
 @lower_builtin(operator.neg, Lanes)

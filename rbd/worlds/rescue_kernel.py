@@ -1,4 +1,4 @@
-"""The contact problem of one world of a block, and its impulses by `rbd.solvers.law_kernel`."""
+"""The contact problem of one world of a block, and its answer written back."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
-from rbd.solvers.law_kernel import forces
+from rbd.kernels import COUNT, array, compiled, signature
+from rbd.solvers.law_kernel import PROBLEM
 from rbd.solvers.newton_kernel import Problem
-from rbd.worlds.contact_kernel import FOUND, law_in
+from rbd.worlds.contact_kernel import law_in
 from rbd.worlds.lanes import lane, put_lane
 from rbd.worlds.layout import (
     ACTIVE,
@@ -98,12 +98,25 @@ def problem_of(
     return Problem(D, np.zeros(rows), columns, felt, offset, first, width, lower, upper, mu), axes, whose
 
 
-@compiled
-def taken(law: Law, points: int, axes: Array, whose: Array, of: int, w: Array) -> None:
-    """Write the impulses found for one lane into `law.best`."""
+def _left_problem(
+    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
+    space: Array, whole: Array, n: int, of: int,
+) -> tuple[Problem, Array, Array]:  # fmt: skip
+    """As `problem_of`, of a lane whose impulses were not found."""
+    sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
+    law = law_in(space, sites, n)
+    return problem_of(sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of)
+
+
+def _take(
+    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
+    space: Array, n: int, of: int, axes: Array, whose: Array, w: Array,
+) -> None:  # fmt: skip
+    """Write the impulses found for a lane, which is then no longer left."""
+    law = law_in(space, Sites(site, place, arm, path, path_start, common, common_start, single), n)
     singles = len(whose) - len(axes)
     for at in range(singles):
-        put_lane(law.best, 3 * points + whose[at], of, w[at] / lane(law.single, 8 * whose[at] + 3, of))
+        put_lane(law.best, 3 * len(arm) + whose[at], of, w[at] / lane(law.single, 8 * whose[at] + 3, of))
     for cone in range(len(axes)):
         c = whose[singles + cone]
         for r in range(3):
@@ -111,63 +124,11 @@ def taken(law: Law, points: int, axes: Array, whose: Array, of: int, w: Array) -
             for e in range(3):
                 x += axes[cone, e, r] * w[singles + 3 * cone + e]
             put_lane(law.best, 3 * c + r, of, x / lane(law.point, POINT * c + UNIT, of))
+    put_lane(law.merit, LEFT, of, ALONE)
 
 
-def _left_problem(
-    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
-    space: Array, whole: Array, n: int, of: int,
-) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
-    """(D, felt, offset, first, width, lower, upper, mu) of a lane: see `rbd.solvers.newton_kernel.Problem`."""
-    sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
-    law = law_in(space, sites, n)
-    problem, _, _ = problem_of(
-        sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
-    )
-    return (
-        problem.D, problem.felt, problem.offset, problem.first, problem.width, problem.lower, problem.upper, problem.mu,
-    )  # fmt: skip
-
-
-def _taken_from(
-    site: Array, place: Array, arm: Array, path: Array, path_start: Array, common: Array, common_start: Array, single: Array,
-    space: Array, whole: Array, n: int, of: int, coulomb: bool, guess: Array, at_end: bool,
-) -> float:  # fmt: skip
-    """The merit of the impulses of a lane, found from a guess; taken where that is good enough, and the next guess.
-
-    With `at_end` the problem is another: they act where the points are at the end of the step, which makes it symmetric.
-    """
-    sites, s = Sites(site, place, arm, path, path_start, common, common_start, single), len(site)
-    law, w = law_in(space, sites, n), np.zeros(len(guess))
-    arms = np.zeros((len(arm), 3))
-    for c in range(len(arm)):
-        for r in range(3):
-            arms[c, r] = lane(law.point, POINT * c + ARM + r, of)
-            if at_end:
-                put_lane(law.point, POINT * c + ARM + r, of, lane(law.point, POINT * c + FELT + r, of))
-    problem, axes, whose = problem_of(
-        sites, whole[ACTIVE : ACTIVE + s], whole[HOW_MANY], whole[ACTIVE + s :], whole[HOW_WIDE], law, of
-    )
-    merit, _, _ = forces(problem, guess.copy(), coulomb, np.arange(len(whose)), w)
-    if merit <= FOUND:
-        taken(law, len(arm), axes, whose, of, w)
-        put_lane(law.merit, LEFT, of, ALONE)
-        guess[:] = w
-    for c in range(len(arm)):
-        for r in range(3):
-            put_lane(law.point, POINT * c + ARM + r, of, arms[c, r])
-    return merit
-
-
-_WRITTEN = array(2, written=True)
+_SPACE, _AXES, _WHOSE = array(2, written=True), array(3, written=True), array(1, COUNT, written=True)
 left_problem = compiled(
-    _left_problem,
-    signature(
-        (_WRITTEN, _WRITTEN, array(1, written=True), *[array(1, COUNT, written=True)] * 2, *[array(1, written=True)] * 3),
-        *SITE_TYPES, array(2, written=True), array(1, COUNT, written=True), COUNT, COUNT,
-    ),
+    _left_problem, signature((PROBLEM, _AXES, _WHOSE), *SITE_TYPES, _SPACE, array(1, COUNT, written=True), COUNT, COUNT),
 )  # fmt: skip
-taken_from = compiled(
-    _taken_from,
-    signature(NUMBER, *SITE_TYPES, _WRITTEN, array(1, COUNT, written=True), COUNT, COUNT, FLAG, array(1, written=True), FLAG),
-    unlocked=True,
-)
+take = compiled(_take, signature(None, *SITE_TYPES, _SPACE, COUNT, COUNT, _AXES, _WHOSE, array(1, written=True)))

@@ -29,6 +29,7 @@ from rbd.worlds.contact_kernel import law_size
 from rbd.worlds.hard_steps import solve_left
 from rbd.worlds.lanes import LANES
 from rbd.worlds.packing import Packed, Touching
+from rbd.worlds.spatial_kernel import rotation
 
 EachWorld: TypeAlias = float | Sequence[float] | Array
 """A number, or one a world, shape (n,)."""
@@ -152,7 +153,7 @@ class Worlds(Displayed):
         threads: int | None = 1,
         loops: bool = True,
     ) -> None:
-        prepare()  # fused multiplications and additions round otherwise than NumPy's: no first steps without them
+        prepare(advance)  # fused multiplications and additions round otherwise than NumPy's: no first steps without them
         check_positive("step", step, 10.0, "s")
         given = ManyStates.of(robot, q, v, contacts, friction=friction, loops=loops)
         self.robot, self.step, self.coulomb = robot, float(step), slip_law(law).kind == "coulomb"
@@ -161,7 +162,8 @@ class Worlds(Displayed):
             given.refuse(0)
             raise InputError("there are no worlds: give one state or more, and arrays with one row or more.")
         self.touching = Touching.of(self.packed, given.constraints, given.state(start))
-        tables = _Tables(len(given))
+        one = all(np.ndim(x) < 2 or len(x) == 1 for x in (q, v) if x is not None)
+        tables = _Tables(len(given), "friction" if one and given.friction else "the array of states")
         tree, sites = self.packed.tree, self.touching.sites
         n, free, k, l = len(tree.parent), tree.free, len(sites.arm), len(sites.single)
         joint = np.zeros((n - free, rows.JOINT, 1))
@@ -180,8 +182,6 @@ class Worlds(Displayed):
             friction=self._friction(tables, given), push=self._pushes(tables, pushes), inertia=masses,
         )  # fmt: skip
         self.n, threads = tables.n, cores() if threads is None else check_whole("threads", threads, 1024)
-        if len(given) not in (1, self.n):
-            raise InputError(f"there are {len(given)} states and {self.n} worlds; give one state, or one a world.")
         self.blocks = -(-self.n // LANES)
         self._given = {name: self._packed_in(x.reshape(-1, x.shape[-1])) for name, x in acts.items()}
         self._given["checked"] = self._given["inertia"].copy()
@@ -490,8 +490,8 @@ class Worlds(Displayed):
 class _Tables:
     """Arguments with a number for all worlds or one a world: how many worlds there are."""
 
-    def __init__(self, n: int) -> None:
-        self.n, self.first = n, "states"
+    def __init__(self, n: int, first: str) -> None:
+        self.n, self.first = n, first
 
     def take(self, what: str, n: int) -> None:
         """An argument for n worlds, or one for all."""
@@ -500,7 +500,10 @@ class _Tables:
         if n == 1 or n == self.n:
             return
         if self.n != 1:
-            raise InputError(f"{what} has {n} entries, and {self.first} {self.n}; give one for all worlds, or one a world.")
+            raise InputError(
+                f"{what} has {n} entries, and {self.first} {self.n}: world {min(n, self.n)} has no entry in "
+                f"{what if n < self.n else self.first}; give one for all worlds, or one a world."
+            )
         self.n, self.first = n, what
 
     def numbers(self, what: str, value: Any) -> Array:
@@ -534,10 +537,5 @@ def _beside(parts: Sequence[Array]) -> Array:
 
 
 def _rotations(quaternions: Array) -> Array:
-    """Rotation matrices, shape (n, 3, 3), of quaternions (x, y, z, w)."""
-    x, y, z, w = quaternions.T
-    return np.array([
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]).transpose(2, 0, 1)  # fmt: skip
+    """Rotation matrices, shape (n, 3, 3), of quaternions (x, y, z, w), shape (n, 4)."""
+    return np.array(rotation(*quaternions.T)).reshape(3, 3, -1).transpose(2, 0, 1)

@@ -123,8 +123,13 @@ def refused(match, error=rbd.InputError, state=None, contacts=(), **given):
 def test_bad_input_is_named():
     """Lengths, worlds, joints, constraints and steps: each message says which."""
     foot = [rbd.PointContact("foot", "foot", friction=0.8, on=0.0)]
-    refused(r"mass of 'carriage' has 3 entries, and", contacts=foot, friction=[0.5, 0.6], mass={"carriage": [1, 2, 3]})
-    refused(r"ground has 3 entries, and gravity 2", gravity=np.zeros((2, 3)), ground=[0, 0, 0])
+    refused(
+        r"mass of 'carriage' has 3 entries, and friction 2: world 2 has no entry in friction",
+        contacts=foot, friction=[0.5, 0.6], mass={"carriage": [1, 2, 3]},
+    )  # fmt: skip
+    two, three = [leg().at([0.6, 0.2, -0.5])] * 2, [0.0, 0.0, 0.0]
+    refused(r"ground has 3 entries, and the array of states 2: world 2 has no entry in the", state=two, ground=three)
+    refused(r"ground has 3 entries, and gravity 2: world 2 has no entry in gravity", gravity=np.zeros((2, 3)), ground=three)
     refused(r"gravity has shape \(2,\)", gravity=[0.0, 1.0])
     refused(r"gravity is not finite in world 1", gravity=[[0, 0, -9.8], [0, np.inf, 0]])
     refused(r"tau have shape \(3,\); expected \(1, 2\)", tau=np.zeros(3))
