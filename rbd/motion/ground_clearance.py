@@ -1,0 +1,315 @@
+"""How far a robot's links are from its ground: planes, and convex pieces of terrain, along directions that separate them.
+
+Of a convex shape and a convex piece, for each unit vector n
+
+    distance  >=  min over the shape of n . x  -  max over the piece of n . x
+
+with equality for the best n. That is the normal of a face of the piece wherever the shape's lowest point along it is over that
+face; else it is found by Coal's distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, each_times
+from rbd.constraints.contact import Contact
+from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape, polyhedron
+from rbd.constraints.surface import On, plane_of
+from rbd.constraints.terrain.pieces import Piece, half_space
+from rbd.constraints.terrain.terrain import Terrain
+from rbd.errors import ModelError
+from rbd.model.checked_model import CheckedModel
+from rbd.motion.contact_timeline import convex_shapes
+from rbd.motion.frame_terms import placements
+from rbd.motion.self_collision import DEEP_M, NearBodies
+from rbd.problem.ground import Ground
+from rbd.robots.robot import Robot
+
+POINT_M = 0.05
+"""A link that touches with a point rolls and tilts about it: what is this near to the point counts only as the point [m]."""
+ROOM_M = 0.01
+"""Links are kept so much farther than they have to be, if possible [m]."""
+AT_ONCE = 4_000_000
+"""Heights that are computed at once."""
+OVER_M = 1e-9
+"""A point this far beyond the edge of a face is over it [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """A convex part of a link.
+
+    Attributes:
+        link: Name of the link.
+        shape: The shape; its `coal` may be larger.
+        corners: All corners, shape (n, 3), in the joint's axes [m].
+        contacts: Numbers of the contacts that its link touches with.
+    """
+
+    link: str
+    shape: ConvexShape
+    corners: Array
+    contacts: tuple[int, ...] = ()
+
+    @property
+    def joint(self) -> int:
+        """The joint that carries it."""
+        return self.shape.joint
+
+    def heights(self, R: Array, p: Array, N: Array) -> Array:
+        """The smallest n . x for directions N (F, 3) at placements of its joint R (k, 3, 3), p (k, 3), shape (k, F) [m]."""
+        out = np.empty((len(R), len(N)))
+        size = max(AT_ONCE // max(len(self.corners) * len(N), 1), 1)
+        for i in range(0, len(R), size):
+            some = slice(i, i + size)
+            along = N @ R[some]  # the directions in the joint's axes
+            least = np.full(along.shape[:2], np.inf)
+            if len(self.corners):
+                least = (along @ self.corners.T).min(axis=2)
+            for part in self.shape.rounds:
+                least = np.minimum(least, along @ part.centre - np.linalg.norm(along @ part.root, axis=2))
+            out[some] = least + p[some] @ N.T
+        return out
+
+    def lowest(self, R: Array, p: Array, n: Array) -> Array:
+        """The points with the smallest n . x for one direction (3,), or one of each placement (k, 3), shape (k, 3) [m]."""
+        along = each_times(R.swapaxes(1, 2), np.broadcast_to(n, p.shape))
+        best, at = np.full(len(R), np.inf), np.zeros((len(R), 3))
+        if len(self.corners):
+            own = along @ self.corners.T
+            i = own.argmin(axis=1)
+            best, at = own[np.arange(len(R)), i], self.corners[i]
+        for part in self.shape.rounds:
+            w = along @ part.root
+            size = np.linalg.norm(w, axis=1)
+            x = part.centre - (w @ part.root) / np.maximum(size, 1e-300)[:, None]
+            lower = along @ part.centre - size < best
+            best, at = np.where(lower, along @ part.centre - size, best), np.where(lower[:, None], x, at)
+        return p + each_times(R, at)
+
+
+@dataclass(frozen=True, eq=False)
+class OverGround:
+    """Shapes of a robot's links, and the pieces of the ground that they are to stay off.
+
+    Attributes:
+        shapes: Of the links.
+        pieces: Of the ground.
+        solids: The same for Coal's distances; None of a half-space.
+        own: Which pieces each contact stands on, shape (contacts, pieces).
+        least: How far shapes have to be from pieces, shape (shapes, pieces) [m]; minus infinity of pairs that are left out.
+        wanted: How far they are kept from these, if possible [m].
+    """
+
+    shapes: tuple[LinkShape, ...]
+    pieces: tuple[Piece, ...]
+    solids: tuple[ConvexShape | None, ...]
+    own: Array
+    least: Array
+    wanted: Array
+
+    @classmethod
+    def of(cls, robot: Robot, contacts: Sequence[Contact], ground: On, near: Array) -> OverGround:
+        """Of a robot over the ground, and over the terrain on which its contacts stand.
+
+        A plane on which none but a contact of its own stands is a part of a body whose edges are not known, and does not count.
+
+        Args:
+            robot: The robot.
+            contacts: With which it touches: their links touch what they stand on.
+            ground: What counts if a contact stands on it.
+            near: Places that the robot comes to, of which grids of heights are taken, shape (k, 3) [m].
+        """
+        level = None if ground is None or isinstance(ground, Terrain) else plane_of("the ground", ground)
+        pieces, on = dict[bytes, Piece](), list[set[bytes]]()
+        for contact in contacts:
+            found: tuple[Piece, ...] = ()
+            if isinstance(contact.on, Terrain):
+                contact.on.polytopes(near, 1.0)
+                found = contact.on.pieces
+            elif level is not None and isinstance(contact.on, Ground) and _same(contact.on, level):
+                found = (half_space("the ground", level),)
+            keyed = {piece.faces.round(9).tobytes(): piece for piece in found}
+            pieces |= keyed
+            on.append(set(keyed))
+        own = np.array([[key in each for key in pieces] for each in on], bool).reshape(len(on), len(pieces))
+        solids = [polyhedron(piece.name, piece.vertices) if len(piece.vertices) else None for piece in pieces.values()]
+        shapes = tuple(_shapes(robot, contacts))
+        none = np.zeros((len(shapes), len(pieces)))
+        return cls(shapes, tuple(pieces.values()), tuple(solids), own, none, none)
+
+    def kept(self, clearance: float, robot: CheckedModel, q: Array, stands: Array) -> OverGround:
+        """The same, with distances to keep: a clearance [m], or what contacts have of what they stand on.
+
+        A link with a contact may be `DEEP_M` inside what that stands on; where it is deeper in a keyframe in which the contact
+        stands, the pair is left out. Links that are nearer than wanted in the first or the last keyframe may be so near.
+
+        Args:
+            clearance: Of links from pieces on which none of their contacts stands.
+            robot: The robot.
+            q: Keyframes, shape (k, nq).
+            stands: Which contacts stand in these, shape (k, contacts).
+        """
+        R, p = placements(robot, q)
+        gaps = np.full((len(q), *self.least.shape), np.inf)
+        for i, j, near in self.near(R, p, clearance + ROOM_M):
+            gaps[near.frames, i, j] = near.gap
+        touch = np.array([self.own[list(shape.contacts)].any(axis=0) for shape in self.shapes]).reshape(self.least.shape)
+        least, wanted = np.where(touch, -DEEP_M, clearance), np.where(touch, 0.0, clearance + ROOM_M)
+        for i, shape in enumerate(self.shapes):
+            for on, gap in zip(stands, gaps[:, i], strict=True):
+                rests = self.own[[c for c in shape.contacts if on[c]]].any(axis=0)
+                least[i, rests & (gap < -DEEP_M)] = -np.inf
+                wanted[i, rests] = np.minimum(wanted[i, rests], gap[rests])
+        wanted = np.minimum(wanted, np.maximum(np.minimum(gaps[0], gaps[-1]), least))
+        return replace(self, least=least, wanted=wanted)
+
+    def touches(self, i: int, j: int) -> bool:
+        """Whether the link of a shape touches a piece with a contact."""
+        return bool(self.own[list(self.shapes[i].contacts), j].any())
+
+    def near(self, R: Array, p: Array, within: float) -> Iterator[tuple[int, int, NearBodies]]:
+        """(shape, piece, where) of each pair that is nearer than a distance in some poses; arguments as `placements`.
+
+        `NearBodies.first` is on the piece, `second` on the shape, and the normal points from the piece.
+        """
+        for i, j, frames in self.close(R, p, within):
+            one, piece = self.shapes[i], self.pieces[j]
+            turn, place = R[frames, one.joint], p[frames, one.joint]
+            heights = one.heights(turn, place, piece.faces[:, :3]) - piece.faces[:, 3]
+            best = heights.argmax(axis=1)
+            gap, normal = heights[np.arange(len(frames)), best], piece.faces[best, :3]
+            some = gap < within
+            if not some.any():
+                continue
+            frames, turn, place, gap, normal = (x[some] for x in (frames, turn, place, gap, normal))
+            point = one.lowest(turn, place, normal)
+            beside = np.flatnonzero(piece.depths(point - gap[:, None] * normal) > OVER_M)
+            for k in beside:
+                n = self.apart(i, j, turn[k], place[k])
+                height = self._along(one, j, turn[k : k + 1], place[k : k + 1], n)
+                if height > gap[k]:
+                    gap[k], normal[k], point[k] = height, n, one.lowest(turn[k : k + 1], place[k : k + 1], n)[0]
+            found = NearBodies(frames, gap, normal, point - gap[:, None] * normal, point).some(gap < within)
+            if len(found.frames):
+                yield i, j, found
+
+    def close(self, R: Array, p: Array, within: float) -> Iterator[tuple[int, int, Array]]:
+        """(shape, piece, frames) of pairs that may be nearer than a distance there, by balls around the shapes."""
+        joint = np.array([s.joint for s in self.shapes], int)
+        reach = np.array([s.shape.reach for s in self.shapes])
+        centre = np.array([s.shape.centre for s in self.shapes]).reshape(-1, 3)
+        c = p[:, joint] + each_times(R[:, joint], np.broadcast_to(centre, (len(R), *centre.shape)))
+        far = (reach + within)[:, None]
+        low, high = (c.min(axis=0) - far, c.max(axis=0) + far) if len(self.shapes) else (centre, centre)
+        for j, piece in enumerate(self.pieces):
+            for i in np.flatnonzero((low <= piece.box[3:]).all(axis=1) & (high >= piece.box[:3]).all(axis=1)).tolist():
+                frames = np.flatnonzero(piece.depths(c[:, i]) < reach[i] + within)
+                if len(frames) and self.least[i, j] > -np.inf:
+                    yield i, j, frames
+
+    def apart(self, i: int, j: int, R: Array, p: Array) -> Array:
+        """The direction that separates a shape from a piece best in one pose of its joint, by Coal, shape (3,)."""
+        one, solid = self.shapes[i].shape, self.solids[j]
+        assert solid is not None
+        X, request, result = pin.SE3(R, p) * one.X_JC, coal.DistanceRequest(), coal.DistanceResult()
+        placed = coal.Transform3s(X.rotation, X.translation)
+        coal.distance(solid.coal, coal.Transform3s(), one.coal, placed, request, result)
+        n = np.array(result.normal)
+        return n if np.isfinite(n).all() else np.array([0.0, 0.0, 1.0])
+
+    def bounds(self, i: int, j: int, R: Array, p: Array, bent: Array, within: float) -> Array:
+        """How far a shape is from a piece at least, between two poses of its joint each, shape (m,) [m].
+
+        Args:
+            i: Number of the shape.
+            j: Number of the piece.
+            R: Of its joint, shape (2, m, 3, 3).
+            p: Its place, shape (2, m, 3) [m].
+            bent: How far points of it are from straight lines between, shape (m,) [m].
+            within: Directions beside faces are sought where they are nearer than this.
+        """
+        one, piece, m = self.shapes[i], self.pieces[j], len(bent)
+        heights = one.heights(R.reshape(-1, 3, 3), p.reshape(-1, 3), piece.faces[:, :3]).reshape(2, m, -1) - piece.faces[:, 3]
+        least = heights.min(axis=0)
+        best = least.argmax(axis=1)
+        out, normal = least[np.arange(m), best] - bent, piece.faces[best, :3]
+        if self.solids[j] is None:
+            return out
+        point = one.lowest(R[0], p[0], normal)
+        beside = piece.depths(point - np.vecdot(point, normal)[:, None] * normal + piece.faces[best, 3:] * normal) > OVER_M
+        for k in np.flatnonzero(beside & (out < within)):
+            for end in range(2):
+                n = self.apart(i, j, R[end, k], p[end, k])
+                out[k] = max(out[k], self._along(one, j, R[:, k], p[:, k], n) - bent[k])
+        return out
+
+    def _along(self, one: LinkShape, j: int, R: Array, p: Array, n: Array) -> float:
+        """How far a piece is separated from a shape in all of some poses, along one direction [m]."""
+        return float(one.heights(R, p, n[None]).min() - (self.pieces[j].vertices @ n).max())
+
+
+def _same(one: Ground, other: Ground) -> bool:
+    return bool(np.allclose(np.asarray(one.normal), np.asarray(other.normal)) and abs(one.height - other.height) < 1e-9)
+
+
+def _shapes(robot: Robot, contacts: Sequence[Contact]) -> Iterator[LinkShape]:
+    """Collision shapes, or visual ones where a robot has none; of links with a contact at a point without what is near to it.
+
+    A hand's fingers touch with it: what a link with a contact carries, unless there is another contact or a foot among it.
+    """
+    sites = [robot.site(contact.frame) for contact in contacts]
+    feet = {robot.site(foot.frame)[0] for foot in robot.feet()} if robot.source.feet else set()
+    ends = {joint for joint, _ in sites} | feet
+    carried = [set(robot.model.subtrees[joint]) - {joint} for joint, _ in sites]
+    links = [{joint} | (beyond if not beyond & ends else set()) for (joint, _), beyond in zip(sites, carried, strict=True)]
+    corners = [
+        np.asarray(c.corners) @ (X * c.placement).rotation.T + (X * c.placement).translation
+        for c, (_, X) in zip(contacts, sites, strict=True)
+    ]
+    for link, shape in _all_shapes(robot):
+        own = tuple(k for k, joints in enumerate(links) if shape.joint in joints)
+        touching = [corners[k] for k in own if len(corners[k]) < 3 and sites[k][0] == shape.joint]
+        points = np.concatenate(touching or [np.zeros((0, 3))])
+        found = LinkShape(link, shape, shape.corners, own)
+        if len(points):
+            kept = _away(found, points)
+            if kept is None:
+                continue
+            found = kept
+        yield found
+    for k, (contact, (joint, _)) in enumerate(zip(contacts, sites, strict=True)):
+        if len(corners[k]) < 3:  # what touches itself
+            for x in corners[k]:
+                X = pin.SE3(np.eye(3), x)
+                dot = ConvexShape(contact.name, joint, x[None], (), np.zeros((0, 4)), coal.Sphere(OVER_M), X)
+                yield LinkShape(contact.name, dot, x[None], (k,))
+
+
+def _away(given: LinkShape, points: Array) -> LinkShape | None:
+    """What of a shape is farther than `POINT_M` from some points; None: nothing."""
+    shape = given.shape
+    far = np.linalg.norm(given.corners[:, None] - points, axis=2).min(axis=1, initial=np.inf) > POINT_M
+    rounds = tuple(r for r in shape.rounds if np.linalg.norm(points - r.centre, axis=1).min() > POINT_M)
+    if not far.any() and not rounds:
+        return None
+    return replace(given, shape=replace(shape, vertices=given.corners[far], rounds=rounds), corners=given.corners[far])
+
+
+def _all_shapes(robot: CheckedModel) -> Iterator[tuple[str, ConvexShape]]:
+    found = [(link, shape) for _, link, shape in convex_shapes(robot) if shape.joint]
+    yield from found
+    visual = None if found else getattr(robot, "visual_model", None)
+    for each in () if visual is None else visual.geometryObjects:
+        try:
+            shape = convex_shape(each)
+        except ModelError:
+            continue
+        if shape.joint:
+            yield robot.model.frames[each.parentFrame].name, shape
