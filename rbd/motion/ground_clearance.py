@@ -62,9 +62,20 @@ class LinkShape:
         """The joint that carries it."""
         return self.shape.joint
 
-    def heights(self, R: Array, p: Array, N: Array) -> Array:
-        """The smallest n . x for directions N (F, 3) at placements of its joint R (k, 3, 3), p (k, 3), shape (k, F) [m]."""
-        out = np.empty((len(R), len(N)))
+    def facing(self, R: Array, p: Array, faces: Array) -> Array:
+        """Those of a piece's faces (N, d) that may be the highest under it at one of k placements of its joint, by a ball."""
+        h = (p + R @ self.shape.centre) @ faces[:, :3].T - faces[:, 3]
+        return faces[(h + 2.0 * self.shape.reach >= h.max(axis=1)[:, None]).any(axis=0)]
+
+    def heights(self, R: Array, p: Array, faces: Array) -> Array:
+        """How high it is over planes (N, d), shape (F, 4), at placements of its joint, shape (k, F) [m].
+
+        Args:
+            R: Of the joint, shape (k, 3, 3).
+            p: Its origin, shape (k, 3) [m].
+            faces: (N, d), N x = d.
+        """
+        N, out = faces[:, :3], np.empty((len(R), len(faces)))
         size = max(AT_ONCE // max(len(self.corners) * len(N), 1), 1)
         for i in range(0, len(R), size):
             some = slice(i, i + size)
@@ -74,7 +85,7 @@ class LinkShape:
                 least = (along @ self.corners.T).min(axis=2)
             for part in self.shape.rounds:
                 least = np.minimum(least, along @ part.centre - np.linalg.norm(along @ part.root, axis=2))
-            out[some] = least + p[some] @ N.T
+            out[some] = least + p[some] @ N.T - faces[:, 3]
         return out
 
     def lowest(self, R: Array, p: Array, n: Array) -> Array:
@@ -147,8 +158,9 @@ class OverGround:
     def kept(self, clearance: float, robot: CheckedModel, q: Array, stands: Array) -> OverGround:
         """The same, with distances to keep: a clearance [m], or what contacts have of what they stand on.
 
-        A link with a contact may be `DEEP_M` inside what that stands on; where it is deeper in a keyframe in which the contact
-        stands, the pair is left out. Links that are nearer than wanted in the first or the last keyframe may be so near.
+        Links with a contact may be `DEEP_M` inside what that stands on; where one is deeper in a keyframe in which the contact
+        stands, the point that touches is not on the links' surface, and they are left out there. Links that are nearer than
+        wanted in the first or the last keyframe may be so near.
 
         Args:
             clearance: Of links from pieces on which none of their contacts stands.
@@ -162,11 +174,12 @@ class OverGround:
             gaps[near.frames, i, j] = near.gap
         touch = np.array([self.own[list(shape.contacts)].any(axis=0) for shape in self.shapes]).reshape(self.least.shape)
         least, wanted = np.where(touch, -DEEP_M, clearance), np.where(touch, 0.0, clearance + ROOM_M)
-        for i, shape in enumerate(self.shapes):
-            for on, gap in zip(stands, gaps[:, i], strict=True):
-                rests = self.own[[c for c in shape.contacts if on[c]]].any(axis=0)
-                least[i, rests & (gap < -DEEP_M)] = -np.inf
-                wanted[i, rests] = np.minimum(wanted[i, rests], gap[rests])
+        for c, rests in enumerate(self.own):
+            links = [i for i, shape in enumerate(self.shapes) if c in shape.contacts]
+            gap = gaps[stands[:, c]][:, links].min(axis=0, initial=np.inf)
+            deep = rests & (gap < -DEEP_M).any(axis=0)
+            least[np.ix_(links, deep)] = -np.inf
+            wanted[np.ix_(links, rests)] = np.minimum(wanted[np.ix_(links, rests)], gap[:, rests])
         wanted = np.minimum(wanted, np.maximum(np.minimum(gaps[0], gaps[-1]), least))
         return replace(self, least=least, wanted=wanted)
 
@@ -174,55 +187,75 @@ class OverGround:
         """Whether the link of a shape touches a piece with a contact."""
         return bool(self.own[list(self.shapes[i].contacts), j].any())
 
-    def near(self, R: Array, p: Array, within: float) -> Iterator[tuple[int, int, NearBodies]]:
-        """(shape, piece, where) of each pair that is nearer than a distance in some poses; arguments as `placements`.
+    def near(
+        self, R: Array, p: Array, within: float | Array, stands: Array | None = None
+    ) -> Iterator[tuple[int, int, NearBodies]]:  # fmt: skip
+        """(shape, piece, where) of each pair that is nearer than a distance in some poses.
 
         `NearBodies.first` is on the piece, `second` on the shape, and the normal points from the piece.
+
+        Args:
+            R: Orientations of joints, as `placements`.
+            p: Their origins.
+            within: The distance, or one for each pair, shape (shapes, pieces) [m].
+            stands: Which contacts stand, shape (n, contacts): poses in which one of a link stands are left out.
         """
-        for i, j, frames in self.close(R, p, within):
+        each = np.broadcast_to(within, self.least.shape)
+        for i, j, frames in self.close(R, p, each, stands):
+            within = float(each[i, j])
             one, piece = self.shapes[i], self.pieces[j]
             turn, place = R[frames, one.joint], p[frames, one.joint]
-            heights = one.heights(turn, place, piece.faces[:, :3]) - piece.faces[:, 3]
+            faces = one.facing(turn, place, piece.faces)
+            heights = one.heights(turn, place, faces)
             best = heights.argmax(axis=1)
-            gap, normal = heights[np.arange(len(frames)), best], piece.faces[best, :3]
+            gap, normal = heights[np.arange(len(frames)), best], faces[best, :3]
             some = gap < within
             if not some.any():
                 continue
             frames, turn, place, gap, normal = (x[some] for x in (frames, turn, place, gap, normal))
             point = one.lowest(turn, place, normal)
             beside = np.flatnonzero(piece.depths(point - gap[:, None] * normal) > OVER_M)
-            for k in beside:
-                n = self.apart(i, j, turn[k], place[k])
-                height = self._along(one, j, turn[k : k + 1], place[k : k + 1], n)
-                if height > gap[k]:
-                    gap[k], normal[k], point[k] = height, n, one.lowest(turn[k : k + 1], place[k : k + 1], n)[0]
+            if len(beside):
+                n = self._separating(i, j, turn[beside], place[beside])
+                ends = one.lowest(turn[beside], place[beside], n)
+                height = np.vecdot(n, ends) - (n @ piece.vertices.T).max(axis=1)
+                better = height > gap[beside]
+                k = beside[better]
+                gap[k], normal[k], point[k] = height[better], n[better], ends[better]
             found = NearBodies(frames, gap, normal, point - gap[:, None] * normal, point).some(gap < within)
             if len(found.frames):
                 yield i, j, found
 
-    def close(self, R: Array, p: Array, within: float) -> Iterator[tuple[int, int, Array]]:
-        """(shape, piece, frames) of pairs that may be nearer than a distance there, by balls around the shapes."""
+    def close(
+        self, R: Array, p: Array, within: Array, stands: Array | None = None
+    ) -> Iterator[tuple[int, int, Array]]:  # fmt: skip
+        """(shape, piece, frames) of pairs that may be as near there, by balls around the shapes; arguments as of `near`."""
         joint = np.array([s.joint for s in self.shapes], int)
         reach = np.array([s.shape.reach for s in self.shapes])
         centre = np.array([s.shape.centre for s in self.shapes]).reshape(-1, 3)
         c = p[:, joint] + each_times(R[:, joint], np.broadcast_to(centre, (len(R), *centre.shape)))
-        far = (reach + within)[:, None]
+        far = (reach + within.max(axis=1, initial=0.0))[:, None]
+        free = None if stands is None else [~stands[:, list(shape.contacts)].any(axis=1) for shape in self.shapes]
         low, high = (c.min(axis=0) - far, c.max(axis=0) + far) if len(self.shapes) else (centre, centre)
         for j, piece in enumerate(self.pieces):
             for i in np.flatnonzero((low <= piece.box[3:]).all(axis=1) & (high >= piece.box[:3]).all(axis=1)).tolist():
-                frames = np.flatnonzero(piece.depths(c[:, i]) < reach[i] + within)
-                if len(frames) and self.least[i, j] > -np.inf:
+                if np.isneginf(self.least[i, j]):
+                    continue
+                near = piece.depths(c[:, i]) < reach[i] + within[i, j]
+                frames = np.flatnonzero(near if free is None else near & free[i])
+                if len(frames):
                     yield i, j, frames
 
-    def apart(self, i: int, j: int, R: Array, p: Array) -> Array:
-        """The direction that separates a shape from a piece best in one pose of its joint, by Coal, shape (3,)."""
-        one, solid = self.shapes[i].shape, self.solids[j]
+    def _separating(self, i: int, j: int, R: Array, p: Array) -> Array:
+        """Directions that separate a shape from a piece best in k poses of its joint, by Coal, shape (k, 3)."""
+        one, solid, request, result = self.shapes[i].shape, self.solids[j], coal.DistanceRequest(), coal.DistanceResult()
         assert solid is not None
-        X, request, result = pin.SE3(R, p) * one.X_JC, coal.DistanceRequest(), coal.DistanceResult()
-        placed = coal.Transform3s(X.rotation, X.translation)
-        coal.distance(solid.coal, coal.Transform3s(), one.coal, placed, request, result)
-        n = np.array(result.normal)
-        return n if np.isfinite(n).all() else np.array([0.0, 0.0, 1.0])
+        turns, places, out = R @ one.X_JC.rotation, R @ one.X_JC.translation + p, np.empty((len(R), 3))
+        for k, (turn, place) in enumerate(zip(turns, places, strict=True)):
+            result.clear()
+            coal.distance(solid.coal, coal.Transform3s(), one.coal, coal.Transform3s(turn, place), request, result)
+            out[k] = result.normal
+        return np.where(np.isfinite(out), out, [0.0, 0.0, 1.0])  # of shapes that touch, sometimes
 
     def bounds(self, i: int, j: int, R: Array, p: Array, bent: Array, within: float) -> Array:
         """How far a shape is from a piece at least, between two poses of its joint each, shape (m,) [m].
@@ -236,23 +269,21 @@ class OverGround:
             within: Directions beside faces are sought where they are nearer than this.
         """
         one, piece, m = self.shapes[i], self.pieces[j], len(bent)
-        heights = one.heights(R.reshape(-1, 3, 3), p.reshape(-1, 3), piece.faces[:, :3]).reshape(2, m, -1) - piece.faces[:, 3]
-        least = heights.min(axis=0)
+        every = R.reshape(-1, 3, 3), p.reshape(-1, 3)
+        faces = one.facing(*every, piece.faces)
+        least = one.heights(*every, faces).reshape(2, m, -1).min(axis=0)
         best = least.argmax(axis=1)
-        out, normal = least[np.arange(m), best] - bent, piece.faces[best, :3]
+        out, normal = least[np.arange(m), best] - bent, faces[best, :3]
         if self.solids[j] is None:
             return out
         point = one.lowest(R[0], p[0], normal)
-        beside = piece.depths(point - np.vecdot(point, normal)[:, None] * normal + piece.faces[best, 3:] * normal) > OVER_M
-        for k in np.flatnonzero(beside & (out < within)):
-            for end in range(2):
-                n = self.apart(i, j, R[end, k], p[end, k])
-                out[k] = max(out[k], self._along(one, j, R[:, k], p[:, k], n) - bent[k])
+        beside = piece.depths(point - np.vecdot(point, normal)[:, None] * normal + faces[best, 3:] * normal) > OVER_M
+        k = np.flatnonzero(beside & (out < within))
+        for end in range(2):
+            n = self._separating(i, j, R[end, k], p[end, k])
+            low = np.min([np.vecdot(n, one.lowest(R[other, k], p[other, k], n)) for other in range(2)], axis=0)
+            out[k] = np.maximum(out[k], low - (n @ piece.vertices.T).max(axis=1) - bent[k])
         return out
-
-    def _along(self, one: LinkShape, j: int, R: Array, p: Array, n: Array) -> float:
-        """How far a piece is separated from a shape in all of some poses, along one direction [m]."""
-        return float(one.heights(R, p, n[None]).min() - (self.pieces[j].vertices @ n).max())
 
 
 def _same(one: Ground, other: Ground) -> bool:

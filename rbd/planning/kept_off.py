@@ -134,7 +134,7 @@ def _bounds(
     robot, m, h = curve.robot, len(start), end - start
     R, p = placements(robot, curve.at(np.concatenate([start, end]))[0])
     bounds = Bounds.of(robot, curve.sizes(start, end))
-    for i, j, frames in over.close(R, p, within):
+    for i, j, frames in over.close(R, p, np.full(over.least.shape, within)):
         shape, some = over.shapes[i], np.unique(frames % m)
         joint, reach = shape.joint, float(np.linalg.norm(shape.shape.centre)) + shape.shape.reach
         bent = (bounds.place[2, joint, some] + bounds.turn[2, joint, some] * reach) * h[some] ** 2 / 8.0

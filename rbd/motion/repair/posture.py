@@ -324,27 +324,40 @@ def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: Array
 
 def _apart_rows(normal: Normal, sweep: Sweep, bodies: BodyPairs) -> None:
     """Pairs of bodies that are nearer than `APART`."""
+    moves = carriers(sweep.robot)
     for i, j, near in bodies.near(sweep.R, sweep.p, APART, again=True):
         apart = min(APART, max(bodies.at_rest(i, j), -APART_UNIT))  # as near as where the robot rests
-        joints = [bodies.shapes[x][2].joint for x in (i, j)]
-        _add_apart(normal, sweep, near.some(near.gap < apart), joints, apart, APART_UNIT)
+        near = near.some(near.gap < apart)
+        one, other = (moves[bodies.shapes[x][2].joint] for x in (i, j))
+        _add_apart(normal, sweep, near, [(near.first, -1.0, one), (near.second, 1.0, other)], apart, APART_UNIT)
 
 
 def _off_ground_rows(normal: Normal, sweep: Sweep, over: OverGround, stands: Array) -> None:
     """Links that are nearer to the ground than wanted, but while their contacts stand, which shape (n, F) tells."""
-    for i, j, near in over.near(sweep.R, sweep.p, float(over.wanted.max(initial=0.0))):
-        shape, wanted = over.shapes[i], float(over.wanted[i, j])
-        rests = stands[near.frames][:, list(shape.contacts)].any(axis=1)
-        _add_apart(normal, sweep, near.some(~rests & (near.gap < wanted)), [0, shape.joint], wanted, OFF_GROUND_UNIT)
+    moves = carriers(sweep.robot)
+    for i, j, near in over.near(sweep.R, sweep.p, over.wanted, stands):
+        sides = [(near.second, 1.0, moves[over.shapes[i].joint])]
+        _add_apart(normal, sweep, near, sides, float(over.wanted[i, j]), OFF_GROUND_UNIT)
 
 
-def _add_apart(normal: Normal, sweep: Sweep, near: NearBodies, joints: Sequence[int], apart: float, unit: float) -> None:
-    """Rows of two bodies that are to be so far apart: the distance grows with n . (v_second - v_first)."""
-    moves, k, n = carriers(sweep.robot), near.frames, near.normal
+def _add_apart(
+    normal: Normal, sweep: Sweep, near: NearBodies, sides: Sequence[tuple[Array, float, Array]], apart: float, unit: float
+) -> None:
+    """Rows of two bodies that are to be so far apart: the distance grows with n . (v_second - v_first).
+
+    Args:
+        normal: Where they are added.
+        sweep: Of the poses.
+        near: Where both are.
+        sides: (points, -1 of the first or 1 of the second, which coordinates move them) of those that move.
+        apart: How far apart [m].
+        unit: Error that costs one [m].
+    """
+    k, n = near.frames, near.normal
     J, row = sweep.J[k], np.zeros((len(k), sweep.robot.nv))
-    for joint, point, sign in zip(joints, (near.first, near.second), (-1.0, 1.0), strict=True):
+    for point, sign, moves in sides:
         speed = np.einsum("ni,nij->nj", n, J[:, :3]) + np.einsum("ni,nij->nj", np.cross(point, n), J[:, 3:])
-        row += sign * np.where(moves[joint], speed, 0.0)
+        row += sign * np.where(moves, speed, 0.0)
     normal.add(row[:, None] / unit, ((apart - near.gap) / unit)[:, None], k)
 
 
