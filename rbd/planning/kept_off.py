@@ -23,6 +23,7 @@ from rbd.motion.ground_clearance import OverGround
 from rbd.planning.bounds import Bounds
 from rbd.planning.curve import Curve
 from rbd.planning.stays import PlannedContacts
+from rbd.statics.limits import Limit
 
 MEASURED = 0.03
 """Links that are farther from the ground are not measured [m]."""
@@ -68,11 +69,11 @@ class OffGround:
         return self.links[i], self.pieces[i], float(self.gaps[i]), float(self.at[i])
 
     @property
-    def worst(self) -> tuple[float, str]:
-        """(instant, which link is nearer to what than it may be there)."""
+    def worst(self) -> tuple[float, str, Limit]:
+        """(instant, which link is nearer to what than it may be there, its limit)."""
         i = int((self.gaps - self.least).argmin())
-        gap, least = float(self.gaps[i]), float(self.least[i])
-        return float(self.at[i]), said(self.links[i], self.pieces[i], gap, least, "may come to be")
+        words = said(self.links[i], self.pieces[i], float(self.gaps[i]), float(self.least[i]), "may come to be")
+        return float(self.at[i]), words, Limit("ground", self.links[i])
 
 
 def said(link: str, piece: str, gap: float, least: float, verb: str = "is") -> str:
@@ -104,16 +105,16 @@ def too_near(supports: PlannedContacts, over: OverGround) -> tuple[float, str, s
     return out
 
 
-def off_ground(curve: Curve, over: OverGround) -> OffGround:
-    """That of a curve: intervals are halved where links may be nearer than they may be."""
+def off_ground(curve: Curve, over: OverGround, halved: int = HALVED) -> OffGround:
+    """That of a curve: intervals are halved where links may be nearer than they may be, so many times at most."""
     start, end, measured = curve.t[:-1], curve.t[1:], MEASURED + float(over.least.max(initial=0.0))
     clear = max(measured - MEASURED, 0.0)
     found = {shape.link: (measured - clear, float(start[0]), "", clear) for shape in over.shapes}
-    for k in range(HALVED + 1):
+    for k in range(halved + 1):
         each, again = list(_bounds(curve, over, start, end, measured)), np.zeros(len(start), bool)
         for i, j, some, gaps in each:
             again[some] |= gaps < over.least[i, j] - ROUNDING
-        again &= k < HALVED
+        again &= k < halved
         for i, j, some, gaps in each:
             link, least, left = over.shapes[i].link, float(over.least[i, j]), np.where(again[some], np.inf, gaps)
             at = int(left.argmin())

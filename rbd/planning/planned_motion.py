@@ -32,7 +32,7 @@ from rbd.planning.distances import too_far_apart
 from rbd.planning.free_times import shortest
 from rbd.planning.helping import Instant, limited
 from rbd.planning.kept_limits import Between, between
-from rbd.planning.kept_off import over_ground, too_near
+from rbd.planning.kept_off import HALVED, over_ground, too_near
 from rbd.planning.momentum import Momentum, MomentumCertificate
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
@@ -231,7 +231,18 @@ class Plan(Displayed):
             "each with a bound of the second derivatives of wrench and torques",
             f"  friction: {self.friction_use:.0%} of mu used; torques: {self.torque_use:.0%} of their limits",
             f"  missing on the base: at most {self.missing:.1e} of the weight; drift of contacts: at most {drift:.2g} mm",
+            *self._clear,
         ])  # fmt: skip
+
+    @property
+    def _clear(self) -> list[str]:
+        """How near links come to the ground, in words."""
+        off = self.between.off_ground
+        if off is None:
+            return []
+        link, piece, gap, t = off.nearest
+        near = f"; {link!r:.80} comes nearest, to {piece!r:.80} at {t:.2f} s" if piece else ""
+        return [f"  links without a contact: {1e3 * gap:.1f} mm or more off the ground{near}"]
 
 
 def plan(
@@ -439,8 +450,8 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     curve = Curve.of(supports.robot, knots.t, q)
     keys = np.array([state.q for _, state in supports.keys])
     intervals = certified(curve, pushes, knots.torques)
-    bodies = knots.bodies if intervals.sure.all() else None  # else it is no plan however far they are apart
-    kept = between(curve, keys, bodies, knots.over if intervals.sure.all() else None)
+    sure = bool(intervals.sure.all())  # else it is no plan however far bodies are apart
+    kept = between(curve, keys, knots.bodies if sure else None, knots.over, HALVED if sure else 0)
     return Plan(supports.robot, supports, curve, pushes, intervals, kept, friction, ground)
 
 
@@ -454,6 +465,11 @@ def _failure(
             return _without_momentum(said, why)
         return CannotPlan(f"{said}: {failed} More knots a second, rate=, come nearer to what limits allow.", t=())
     error = _of_nearest(found, limits)
+    best: Plan | None = error.plan
+    off = None if best is None or best.intervals.sure.all() else best.between.off_ground
+    if off is not None and not off.holds:
+        t, words, _ = off.worst
+        error.args = (f"{error.args[0]} In that plan, at {t:.3f} s, {words}.",)
     why = Momentum.of(supports, between=True).certificate() if len(supports.keys) > 2 else None
     if why is None:
         return error
@@ -475,8 +491,9 @@ def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
     x = best.intervals
     bad = np.flatnonzero(~x.sure)
     if not len(bad):
-        t, said = best.between.worst
-        return CannotPlan(f"no plan was found: at {t:.3f} s {said}; give keyframes between, or more time.", t=(t,), plan=best)
+        t, said, named = best.between.worst
+        said = f"no plan was found: at {t:.3f} s {said}; give keyframes between, or more time."
+        return CannotPlan(said, t=(t,), plan=best, limits=named)
     worst = int(bad[np.argmax((x.missing[:, bad].max(axis=0)) + np.maximum(-x.slack[:, bad].min(axis=0), 0.0))])
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])
