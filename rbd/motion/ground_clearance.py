@@ -156,14 +156,14 @@ class OverGround:
         return cls(shapes, tuple(pieces.values()), tuple(solids), own, none, none)
 
     def kept(self, clearance: float, robot: CheckedModel, q: Array, stands: Array) -> OverGround:
-        """The same, with distances to keep: a clearance [m], or what contacts have of what they stand on.
+        """The same, with distances to keep.
 
-        Links with a contact may be `DEEP_M` inside what that stands on; where one is deeper in a keyframe in which the contact
-        stands, the point that touches is not on the links' surface, and they are left out there. Links that are nearer than
-        wanted in the first or the last keyframe may be so near.
+        Links with a contact may be `DEEP_M` inside the pieces on which it stands in a keyframe, and are outside of all others.
+        Where one of them is deeper in such a keyframe, the point that touches is not on their surface: they are left out there.
+        Links that are nearer than wanted in the first or the last keyframe, or where they stand, may be so near.
 
         Args:
-            clearance: Of links from pieces on which none of their contacts stands.
+            clearance: Of links without a contact [m].
             robot: The robot.
             q: Keyframes, shape (k, nq).
             stands: Which contacts stand in these, shape (k, contacts).
@@ -172,15 +172,16 @@ class OverGround:
         gaps = np.full((len(q), *self.least.shape), np.inf)
         for i, j, near in self.near(R, p, clearance + ROOM_M):
             gaps[near.frames, i, j] = near.gap
-        touch = np.array([self.own[list(shape.contacts)].any(axis=0) for shape in self.shapes]).reshape(self.least.shape)
-        least, wanted = np.where(touch, -DEEP_M, clearance), np.where(touch, 0.0, clearance + ROOM_M)
-        for c, rests in enumerate(self.own):
-            links = [i for i, shape in enumerate(self.shapes) if c in shape.contacts]
+        own = np.array([bool(shape.contacts) for shape in self.shapes])
+        least = np.where(own[:, None], 0.0, clearance) + 0.0 * self.least
+        wanted = np.minimum(least + ROOM_M, np.maximum(np.minimum(gaps[0], gaps[-1]), least))
+        for c, on in enumerate(self.own):
+            links = np.array([c in shape.contacts for shape in self.shapes])
             gap = gaps[stands[:, c]][:, links].min(axis=0, initial=np.inf)
-            deep = rests & (gap < -DEEP_M).any(axis=0)
+            rests, deep = (on & (gap < x).any(axis=0) for x in (DEEP_M, -DEEP_M))
+            least[np.ix_(links, rests)] = -DEEP_M
             least[np.ix_(links, deep)] = -np.inf
-            wanted[np.ix_(links, rests)] = np.minimum(wanted[np.ix_(links, rests)], gap[:, rests])
-        wanted = np.minimum(wanted, np.maximum(np.minimum(gaps[0], gaps[-1]), least))
+            wanted[links] = np.minimum(wanted[links], np.where(rests, np.minimum(gap, 0.0), np.maximum(gap, 0.0)))
         return replace(self, least=least, wanted=wanted)
 
     def touches(self, i: int, j: int) -> bool:
