@@ -33,8 +33,8 @@ from rbd.robots.robot import Robot
 
 POINT_M = 0.05
 """A link that touches with a point rolls and tilts about it: what is this near to the point counts only as the point [m]."""
-ROOM_M = 0.01
-"""Links are kept so much farther than they have to be, if possible [m]."""
+ROOM_M, ROOM_OWN_M = 0.01, 0.003
+"""Links are kept so much farther than they have to be, if possible; those with a contact [m]."""
 AT_ONCE = 4_000_000
 """Heights that are computed at once."""
 OVER_M = 1e-9
@@ -174,7 +174,8 @@ class OverGround:
             gaps[near.frames, i, j] = near.gap
         own = np.array([bool(shape.contacts) for shape in self.shapes])
         least = np.where(own[:, None], 0.0, clearance) + 0.0 * self.least
-        wanted = np.minimum(least + ROOM_M, np.maximum(np.minimum(gaps[0], gaps[-1]), least))
+        room = np.where(own, ROOM_OWN_M, ROOM_M)[:, None]
+        wanted = np.minimum(least + room, np.maximum(np.minimum(gaps[0], gaps[-1]), least))
         for c, on in enumerate(self.own):
             links = np.array([c in shape.contacts for shape in self.shapes])
             gap = gaps[stands[:, c]][:, links].min(axis=0, initial=np.inf)

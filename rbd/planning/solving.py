@@ -192,7 +192,8 @@ class Knots:
                 plan = program.solve(plan)
             goals = Goals(R_at, p_at, free, plan.com, wrenches_on(plan, places, group, p), owed=owed + bent)
             heavy = stiff * np.where(self.on.any(axis=1), 1.0, FLYING)
-            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy, self.over)
+            over = self.over if i else None  # in the first pass feet come onto their ways over what lies between
+            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy, over)
             q[:, numbers] = q[:, numbers].clip(*allowed)  # so is the B-spline: it is nowhere beyond its control points
             sweep = Sweep.of(robot, q, self.dt)
             on_curve = _through(sweep)
