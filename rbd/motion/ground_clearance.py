@@ -11,7 +11,7 @@ face; else it is found by Coal's distance.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import coal
 import numpy as np
@@ -112,18 +112,18 @@ class OverGround:
     Attributes:
         shapes: Of the links.
         pieces: Of the ground.
-        solids: The same for Coal's distances; None of a half-space.
-        own: Which pieces each contact stands on, shape (contacts, pieces).
+        own: Which pieces are of what each contact may stand on, shape (contacts, pieces).
         least: How far shapes have to be from pieces, shape (shapes, pieces) [m]; minus infinity of pairs that are left out.
         wanted: How far they are kept from these, if possible [m].
+        solids: {number of a piece: the same for Coal's distances}, filled as they are needed.
     """
 
     shapes: tuple[LinkShape, ...]
     pieces: tuple[Piece, ...]
-    solids: tuple[ConvexShape | None, ...]
     own: Array
     least: Array
     wanted: Array
+    solids: dict[int, ConvexShape] = field(default_factory=dict)
 
     @classmethod
     def of(cls, robot: Robot, contacts: Sequence[Contact], ground: On, near: Array) -> OverGround:
@@ -150,10 +150,9 @@ class OverGround:
             pieces |= keyed
             on.append(set(keyed))
         own = np.array([[key in each for key in pieces] for each in on], bool).reshape(len(on), len(pieces))
-        solids = [polyhedron(piece.name, piece.vertices) if len(piece.vertices) else None for piece in pieces.values()]
         shapes = tuple(_shapes(robot, contacts))
         none = np.zeros((len(shapes), len(pieces)))
-        return cls(shapes, tuple(pieces.values()), tuple(solids), own, none, none)
+        return cls(shapes, tuple(pieces.values()), own, none, none)
 
     def kept(self, clearance: float, robot: CheckedModel, q: Array, stands: Array) -> OverGround:
         """The same, with distances to keep.
@@ -184,10 +183,6 @@ class OverGround:
             least[np.ix_(links, deep)] = -np.inf
             wanted[links] = np.minimum(wanted[links], np.where(rests, np.minimum(gap, 0.0), np.maximum(gap, 0.0)))
         return replace(self, least=least, wanted=wanted)
-
-    def touches(self, i: int, j: int) -> bool:
-        """Whether the link of a shape touches a piece with a contact."""
-        return bool(self.own[list(self.shapes[i].contacts), j].any())
 
     def near(
         self, R: Array, p: Array, within: float | Array, stands: Array | None = None
@@ -239,19 +234,18 @@ class OverGround:
         far = (reach + within.max(axis=1, initial=0.0))[:, None]
         free = None if stands is None else [~stands[:, list(shape.contacts)].any(axis=1) for shape in self.shapes]
         low, high = (c.min(axis=0) - far, c.max(axis=0) + far) if len(self.shapes) else (centre, centre)
-        for j, piece in enumerate(self.pieces):
-            for i in np.flatnonzero((low <= piece.box[3:]).all(axis=1) & (high >= piece.box[:3]).all(axis=1)).tolist():
-                if np.isneginf(self.least[i, j]):
-                    continue
-                near = piece.depths(c[:, i]) < reach[i] + within[i, j]
-                frames = np.flatnonzero(near if free is None else near & free[i])
-                if len(frames):
-                    yield i, j, frames
+        box = np.array([piece.box for piece in self.pieces]).reshape(-1, 6)
+        meet = (low[:, None] <= box[:, 3:]).all(axis=2) & (high[:, None] >= box[:, :3]).all(axis=2)
+        for i, j in np.argwhere(meet & ~np.isneginf(self.least)).tolist():
+            near = self.pieces[j].depths(c[:, i]) < reach[i] + within[i, j]
+            frames = np.flatnonzero(near if free is None else near & free[i])
+            if len(frames):
+                yield i, j, frames
 
     def _separating(self, i: int, j: int, R: Array, p: Array) -> Array:
         """Directions that separate a shape from a piece best in k poses of its joint, by Coal, shape (k, 3)."""
-        one, solid, request, result = self.shapes[i].shape, self.solids[j], coal.DistanceRequest(), coal.DistanceResult()
-        assert solid is not None
+        one, piece, request, result = self.shapes[i].shape, self.pieces[j], coal.DistanceRequest(), coal.DistanceResult()
+        solid = self.solids.get(j) or self.solids.setdefault(j, polyhedron(piece.name, piece.vertices))
         turns, places, out = R @ one.X_JC.rotation, R @ one.X_JC.translation + p, np.empty((len(R), 3))
         for k, (turn, place) in enumerate(zip(turns, places, strict=True)):
             result.clear()
@@ -276,7 +270,7 @@ class OverGround:
         least = one.heights(*every, faces).reshape(2, m, -1).min(axis=0)
         best = least.argmax(axis=1)
         out, normal = least[np.arange(m), best] - bent, faces[best, :3]
-        if self.solids[j] is None:
+        if not len(piece.vertices):
             return out
         point = one.lowest(R[0], p[0], normal)
         beside = piece.depths(point - np.vecdot(point, normal)[:, None] * normal + faces[best, 3:] * normal) > OVER_M

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.constraints.convex.convex_shapes import polyhedron
 from rbd.errors import CannotPlan
 from rbd.motion.frame_terms import placements
 from rbd.motion.ground_clearance import ROOM_M, OverGround
@@ -148,7 +149,7 @@ def test_distances_are_those_of_coal(solo: rbd.Robot, rng: np.random.Generator, 
         for k in range(len(q)):
             X = pin.SE3(R[k, one.joint], p[k, one.joint]) * one.shape.X_JC
             placed, result = coal.Transform3s(X.rotation, X.translation), coal.DistanceResult()
-            piece = coal.Halfspace(np.asarray(slope.normal), slope.height) if not uneven else over.solids[0].coal
+            piece = polyhedron("box", over.pieces[0].vertices).coal if uneven else coal.Halfspace(slope.normal, slope.height)
             gap = coal.distance(piece, coal.Transform3s(), one.shape.coal, placed, coal.DistanceRequest(), result)
             if 0.0 < gap < 0.1:
                 exact[i, k] = gap
@@ -165,13 +166,11 @@ def test_what_a_contact_exempts(talos: rbd.Robot):
     feet = {foot.name: True for foot in talos.feet()}
     supports = planned_contacts(talos, {0.0: stand, 1.0: stand}, feet | {hand: True}, friction=0.6, ground=0.0)
     over = over_ground(supports, 0.0, 0.01)
-    names, (floor, box) = [x.link for x in over.shapes], (0, 1)
+    least = {shape.link: kept.tolist() for shape, kept in zip(over.shapes, over.least, strict=True)}
     assert [piece.name for piece in over.pieces] == ["the ground", "box 0"]
-    assert over.least[names.index("leg_left_6_link"), floor] == -DEEP_M and over.least[names.index("leg_left_6_link"), box] == 0.0
-    assert over.least[names.index("gripper_left_base_link"), box] == over.least[names.index("gripper_left_fingertip_1_link"), box]
-    assert over.least[names.index("gripper_left_base_link"), box] == -np.inf
-    for link in ("arm_left_4_link", "leg_left_4_link"):
-        assert (over.least[names.index(link)] == 0.01).all()
+    assert least["leg_left_6_link"] == [-DEEP_M, 0.0]
+    assert least["gripper_left_base_link"] == least["gripper_left_fingertip_1_link"] == [0.0, -np.inf]
+    assert least["arm_left_4_link"] == least["leg_left_4_link"] == [0.01, 0.01]
     own = rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rbd.Ground(point=tuple(place)))
     supports = planned_contacts(talos, {0.0: stand, 1.0: stand}, feet | {own: True}, friction=0.6, ground=0.0)
     assert [piece.name for piece in over_ground(supports, 0.0, 0.0).pieces] == ["the ground"]  # not the plane through the hand
