@@ -20,7 +20,7 @@ import pinocchio as pin
 from rbd.arrays import Array, each_times
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape, polyhedron
-from rbd.constraints.surface import On, plane_of
+from rbd.constraints.surface import On, surface_of
 from rbd.constraints.terrain.pieces import Piece, half_space
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import ModelError
@@ -137,14 +137,14 @@ class OverGround:
             ground: What counts if a contact stands on it.
             near: Places that the robot comes to, of which grids of heights are taken, shape (k, 3) [m].
         """
-        level = None if ground is None or isinstance(ground, Terrain) else plane_of("the ground", ground)
+        level = surface_of("the ground", ground)
         pieces, on = dict[bytes, Piece](), list[set[bytes]]()
         for contact in contacts:
             found: tuple[Piece, ...] = ()
             if isinstance(contact.on, Terrain):
                 contact.on.polytopes(near, 1.0)
                 found = contact.on.pieces
-            elif level is not None and isinstance(contact.on, Ground) and _same(contact.on, level):
+            elif isinstance(level, Ground) and isinstance(contact.on, Ground) and _same(contact.on, level):
                 found = (half_space("the ground", level),)
             keyed = {piece.faces.round(9).tobytes(): piece for piece in found}
             pieces |= keyed
@@ -233,7 +233,7 @@ class OverGround:
         c = p[:, joint] + each_times(R[:, joint], np.broadcast_to(centre, (len(R), *centre.shape)))
         far = (reach + within.max(axis=1, initial=0.0))[:, None]
         free = None if stands is None else [~stands[:, list(shape.contacts)].any(axis=1) for shape in self.shapes]
-        low, high = (c.min(axis=0) - far, c.max(axis=0) + far) if len(self.shapes) else (centre, centre)
+        low, high = c.min(axis=0) - far, c.max(axis=0) + far
         box = np.array([piece.box for piece in self.pieces]).reshape(-1, 6)
         meet = (low[:, None] <= box[:, 3:]).all(axis=2) & (high[:, None] >= box[:, :3]).all(axis=2)
         for i, j in np.argwhere(meet & ~np.isneginf(self.least)).tolist():
@@ -283,6 +283,9 @@ class OverGround:
 
 
 def _same(one: Ground, other: Ground) -> bool:
+    """Whether both are one plane, and it is known where."""
+    if one.point is None or other.point is None:
+        return False
     return bool(np.allclose(np.asarray(one.normal), np.asarray(other.normal)) and abs(one.height - other.height) < 1e-9)
 
 

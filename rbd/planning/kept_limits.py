@@ -42,7 +42,7 @@ class Between:
         names: Of the joints.
         gaps: (when bodies may come nearest to each other, how far apart they are then at least) [s, m]. Distances of more than
             3 cm are not measured, and count as 3 cm.
-        off_ground: How near links come to the ground; None: not measured.
+        off_ground: How near links come to the ground; None: not kept off, or neither shapes nor ground are known.
     """
 
     beyond: Array

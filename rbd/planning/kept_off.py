@@ -83,12 +83,17 @@ def said(link: str, piece: str, gap: float, least: float, verb: str = "is") -> s
     return f"{link!r:.80} {verb} {where} {piece!r:.80}{wanted}"
 
 
-def over_ground(supports: PlannedContacts, ground: On, clearance: float) -> OverGround:
-    """The links of a plan's robot over what its contacts stand on, with the distances that they keep."""
+def over_ground(supports: PlannedContacts, ground: On, clearance: float) -> OverGround | None:
+    """The links of a plan's robot over what its contacts stand on, with the distances that they keep.
+
+    None: links have no shapes, or it is not known where the ground is.
+    """
     robot, keys = supports.robot, [(t, state.q) for t, state in supports.keys]
     near = placements(robot, np.array([q for _, q in keys]))[1].reshape(-1, 3)
     places = [s.X.translation for own in supports.stays for s in own]
     found = OverGround.of(robot, supports.contacts, ground, np.concatenate([near, np.reshape(places, (-1, 3))]))
+    if not found.shapes or not found.pieces:
+        return None
     return found.kept(clearance, robot, np.array([q for _, q in keys]), supports.on(np.array([t for t, _ in keys])))
 
 

@@ -46,11 +46,18 @@ def kept(solo: rbd.Robot) -> Plan:
     return bow(solo)
 
 
+def links_over(plan: Plan, ground: Any = None) -> OverGround:
+    """Its links over its ground, or over another."""
+    contacts = plan.contacts if ground is None else replace(plan.contacts, contacts=tuple(plan.robot.feet(on=ground)))
+    found = over_ground(contacts, plan.floor if ground is None else ground, 0.0)
+    assert found is not None
+    return found
+
+
 def knees(plan: Plan, t: np.ndarray) -> np.ndarray:
     """How far hulls of the hind upper legs are from the box at times, by Coal, shape (n, 2) [m]."""
     box, at = coal.Box(0.1, 0.6, TOP), coal.Transform3s(np.eye(3), np.array([-0.1, 0.0, 0.5 * TOP]))
-    over = over_ground(plan.contacts, plan.floor, 0.0)
-    own = [x.shape for x in over.shapes if x.link in ("HL_UPPER_LEG", "HR_UPPER_LEG")]
+    own = [x.shape for x in links_over(plan).shapes if x.link in ("HL_UPPER_LEG", "HR_UPPER_LEG")]
     R, p = placements(plan.robot, plan.curve.at(t)[0])
 
     def gap(k: int, shape: Any) -> float:
@@ -90,9 +97,7 @@ def test_a_clearance_is_kept(solo: rbd.Robot):
 
 def test_a_plan_that_was_changed_is_noticed(kept: Plan):
     """The same motion over a box that is 2 cm higher, and one that sinks by 2 cm between two knots: named, with depth."""
-    feet = replace(kept.contacts, contacts=tuple(kept.robot.feet(on=stage(TOP + 0.02))))
-    higher = over_ground(feet, stage(TOP + 0.02), 0.0)
-    off = off_ground(kept.curve, higher)
+    off = off_ground(kept.curve, links_over(kept, stage(TOP + 0.02)))
     t, said, limit = off.worst
     depth = 0.02 - knees(kept, np.linspace(0.0, 1.0, 201)).min()
     assert not off.holds and limit.kind == "ground" and "_UPPER_LEG' may come to be" in said and "mm inside 'box 1'" in said
@@ -101,7 +106,7 @@ def test_a_plan_that_was_changed_is_noticed(kept: Plan):
     middle = len(kept.curve.t) // 2
     spline.c = spline.c.copy()
     spline.c[0, middle, 2] -= 4.0 * 0.02 / np.diff(kept.curve.t)[middle] ** 3
-    assert not off_ground(replace(kept.curve, spline=spline), over_ground(kept.contacts, kept.floor, 0.0)).holds
+    assert not off_ground(replace(kept.curve, spline=spline), links_over(kept)).holds
 
 
 def test_a_keyframe_inside_a_box_is_refused_by_name(solo: rbd.Robot):
@@ -166,6 +171,7 @@ def test_what_a_contact_exempts(talos: rbd.Robot):
     feet = {foot.name: True for foot in talos.feet()}
     supports = planned_contacts(talos, {0.0: stand, 1.0: stand}, feet | {hand: True}, friction=0.6, ground=0.0)
     over = over_ground(supports, 0.0, 0.01)
+    assert over is not None
     least = {shape.link: kept.tolist() for shape, kept in zip(over.shapes, over.least, strict=True)}
     assert [piece.name for piece in over.pieces] == ["the ground", "box 0"]
     assert least["leg_left_6_link"] == [-DEEP_M, 0.0]
@@ -173,4 +179,5 @@ def test_what_a_contact_exempts(talos: rbd.Robot):
     assert least["arm_left_4_link"] == least["leg_left_4_link"] == [0.01, 0.01]
     own = rbd.PointContact("hand", "gripper_left_base_link", friction=0.5, on=rbd.Ground(point=tuple(place)))
     supports = planned_contacts(talos, {0.0: stand, 1.0: stand}, feet | {own: True}, friction=0.6, ground=0.0)
-    assert [piece.name for piece in over_ground(supports, 0.0, 0.0).pieces] == ["the ground"]  # not the plane through the hand
+    over = over_ground(supports, 0.0, 0.0)
+    assert over is not None and [piece.name for piece in over.pieces] == ["the ground"]  # not the plane through the hand
