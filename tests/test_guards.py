@@ -1657,6 +1657,7 @@ CASES |= {
             "cost": rbd.centroid.CentroidCosts(),
             "limits": 0.9,
             "self_collision": False,
+            "clearance": 0.01,
             "progress": False,
         },
         10,

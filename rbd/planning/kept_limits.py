@@ -1,4 +1,4 @@
-"""Limits of joints and speeds, and bodies apart, at every instant of a plan.
+"""Limits of joints and speeds, and bodies apart and off the ground, at every instant of a plan.
 
 Extremes of a cubic and of its rate are at ends and where derivatives are zero: exact. Of two shapes a time h apart
 
@@ -18,14 +18,15 @@ from rbd.arrays import Array, each_times
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import speed_limits
 from rbd.motion.frame_terms import numbers_of, placements
+from rbd.motion.ground_clearance import OverGround
 from rbd.motion.self_collision import DEEP_M, BodyPairs
 from rbd.planning.bounds import Bounds
 from rbd.planning.curve import Curve
+from rbd.planning.kept_off import HALVED, OffGround, off_ground
+from rbd.statics.limits import Limit
 
 MEASURED = 0.03
 """Shapes that are farther apart are not measured [m]."""
-HALVED = 5
-"""How often an interval is halved."""
 ROUNDING = 1e-6
 """Limits of joints count as kept up to this, as `rbd.check_motion` has it [m, rad]."""
 
@@ -41,6 +42,7 @@ class Between:
         names: Of the joints.
         gaps: (when bodies may come nearest to each other, how far apart they are then at least) [s, m]. Distances of more than
             3 cm are not measured, and count as 3 cm.
+        off_ground: How near links come to the ground; None: not kept off, or neither shapes nor ground are known.
     """
 
     beyond: Array
@@ -48,22 +50,26 @@ class Between:
     at: Array
     names: tuple[str, ...]
     gaps: tuple[float, float]
+    off_ground: OffGround | None
 
     @property
     def holds(self) -> bool:
         """Whether all of it is within limits; bodies that overlap by less than 2 mm count as apart."""
         inside = self.beyond.max(initial=0.0) <= ROUNDING and self.speed.max(initial=0.0) <= 1.0
-        return bool(inside and self.gaps[1] >= -DEEP_M)
+        return bool(inside and self.gaps[1] >= -DEEP_M and (self.off_ground is None or self.off_ground.holds))
 
     @property
-    def worst(self) -> tuple[float, str]:
-        """(instant, what is beyond its limit there)."""
+    def worst(self) -> tuple[float, str, tuple[Limit, ...]]:
+        """(instant, what is beyond its limit there, that limit of a link over the ground)."""
         i, k = int(self.beyond.argmax()), int(self.speed.argmax())
         if self.beyond[i] > ROUNDING:
-            return float(self.at[0, i]), f"{self.names[i]!r} is {self.beyond[i]:.2g} rad or m beyond its limit"
+            return float(self.at[0, i]), f"{self.names[i]!r} is {self.beyond[i]:.2g} rad or m beyond its limit", ()
         if self.speed[k] > 1.0:
-            return float(self.at[1, k]), f"{self.names[k]!r} is at {self.speed[k]:.0%} of its speed limit"
-        return self.gaps[0], f"two bodies of the robot may overlap, by {-1e3 * self.gaps[1]:.1f} mm at most"
+            return float(self.at[1, k]), f"{self.names[k]!r} is at {self.speed[k]:.0%} of its speed limit", ()
+        if self.off_ground is not None and not self.off_ground.holds:
+            t, said, limit = self.off_ground.worst
+            return t, said, (limit,)
+        return self.gaps[0], f"two bodies of the robot may overlap, by {-1e3 * self.gaps[1]:.1f} mm at most", ()
 
 
 def joint_limits(robot: CheckedModel, keys: Array) -> tuple[Array, Array]:
@@ -73,8 +79,11 @@ def joint_limits(robot: CheckedModel, keys: Array) -> tuple[Array, Array]:
     return np.minimum(model.lowerPositionLimit[i], of.min(axis=0)), np.maximum(model.upperPositionLimit[i], of.max(axis=0))
 
 
-def between(curve: Curve, keys: Array, bodies: BodyPairs | None) -> Between:
-    """That of a curve; joints may be where keyframes (n, nq) have them."""
+def between(curve: Curve, keys: Array, bodies: BodyPairs | None, over: OverGround | None, halved: int = HALVED) -> Between:
+    """That of a curve; joints may be where keyframes (n, nq) have them; distances only of what is given.
+
+    Intervals in which links may be too near to the ground are halved so many times at most.
+    """
     robot = curve.robot
     model, (_, k), (low, high) = robot.model, numbers_of(robot), joint_limits(robot, keys)
     least, most = curve.extremes(0)
@@ -84,7 +93,8 @@ def between(curve: Curve, keys: Array, bodies: BodyPairs | None) -> Between:
     at = curve.t[np.array([beyond.argmax(axis=0), share.argmax(axis=0)])]
     names = np.repeat(list(model.names), [joint.nv for joint in model.joints])
     gaps = (float(curve.t[0]), MEASURED) if bodies is None else _gaps(curve, bodies)
-    return Between(beyond.max(axis=0), share.max(axis=0), at, tuple(names[k].tolist()), gaps)
+    off = None if over is None else off_ground(curve, over, halved)
+    return Between(beyond.max(axis=0), share.max(axis=0), at, tuple(names[k].tolist()), gaps, off)
 
 
 def _gaps(curve: Curve, bodies: BodyPairs) -> tuple[float, float]:

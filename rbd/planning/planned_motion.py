@@ -32,6 +32,7 @@ from rbd.planning.distances import too_far_apart
 from rbd.planning.free_times import shortest
 from rbd.planning.helping import Instant, limited
 from rbd.planning.kept_limits import Between, between
+from rbd.planning.kept_off import HALVED, over_ground, too_near
 from rbd.planning.momentum import Momentum, MomentumCertificate
 from rbd.planning.solving import Knots
 from rbd.planning.stays import PlannedContacts, planned_contacts
@@ -230,7 +231,18 @@ class Plan(Displayed):
             "each with a bound of the second derivatives of wrench and torques",
             f"  friction: {self.friction_use:.0%} of mu used; torques: {self.torque_use:.0%} of their limits",
             f"  missing on the base: at most {self.missing:.1e} of the weight; drift of contacts: at most {drift:.2g} mm",
+            *self._clear,
         ])  # fmt: skip
+
+    @property
+    def _clear(self) -> list[str]:
+        """How near links come to the ground, in words."""
+        off = self.between.off_ground
+        if off is None:
+            return []
+        link, piece, gap, t = off.nearest
+        near = f"; {link!r:.80} comes nearest, to {piece!r:.80} at {t:.2f} s" if piece else ""
+        return [f"  links without a contact: {1e3 * gap:.1f} mm or more off the ground{near}"]
 
 
 def plan(
@@ -244,6 +256,7 @@ def plan(
     cost: CentroidCosts | None = None,
     limits: bool | float = True,
     self_collision: bool = True,
+    clearance: float | None = 0.0,
     rate: float | None = None,
     hands: Sequence[Contact] = (),
     progress: bool = True,
@@ -279,6 +292,8 @@ def plan(
         cost: What sizes of deviations of the centre of mass and of forces matter equally; None: as usual.
         limits: Whether the robot's torque limits count, or a share of them; 75 % of that are used to find the plan.
         self_collision: Whether bodies are kept apart.
+        clearance: How far links without a contact stay off the ground, and off terrain on which contacts stand, at least [m];
+            None: they are not kept off.
         rate: Knots a second; None: 50, then 100, and 300, then 400 where nothing stands for a time. Accelerations are linear
             over the time h between two knots, and zero at the first two and the last two: of what a limit of accelerations
             allows in a time T from rest to rest (1 - 3 h / T)^2 can be found. 1 - 0.03 (h / 0.01 s)^2 of the friction is used
@@ -310,10 +325,12 @@ def plan(
     check_choice("times of plan", times, ("given", "free"))
     check_flag("self_collision of plan", self_collision)
     check_flag("progress of plan", progress)
+    if clearance is not None:
+        clearance = check_number("clearance of plan", clearance, 0.0, 1.0, expected="a distance of 0 to 1 m, or None")
     rate = None if rate is None else check_number("rate of plan", rate, 10.0, 5000.0, expected="knots a second, 400")
     check_kind("cost of plan", cost, CentroidCosts | None, "rbd.centroid.CentroidCosts(com=0.02)")
     torques = limited(robot, limits).limits_at
-    planned = _Settings(mu, ground, cost, limits, self_collision, torques, progress, rate).planned
+    planned = _Settings(mu, ground, cost, limits, self_collision, clearance, torques, progress, rate).planned
     if times == "free":
         planned = partial(shortest, planned=planned)
     if not isinstance(contacts, str):
@@ -336,6 +353,7 @@ class _Settings:
     costs: CentroidCosts | None
     limits: bool | float
     self_collision: bool
+    clearance: float | None
     torques: Callable[[Array], tuple[Array, Array]]
     progress: bool
     rate: float | None
@@ -362,6 +380,13 @@ class _Settings:
             )  # fmt: skip
         if (why := (momentum := Momentum.of(supports)).certificate()) is not None:
             raise _without_momentum(f"there is no plan of {robot.name}", why)
+        over = None if self.clearance is None else over_ground(supports, self.ground, self.clearance)
+        if over is not None and (near := too_near(supports, over)) is not None:
+            at, link, said = near
+            raise CannotPlan(
+                f"there is no plan of {robot.name}: in the keyframe at {at:g} s {said}; give a pose in which it is not, or "
+                "clearance=None.", t=(at,), limits=(Limit("ground", link),), irreducible=True,
+            )  # fmt: skip
         costs = CentroidCosts(com=FLYING_COM if supports.flies else COM) if self.costs is None else self.costs
         found, failed = list[Plan](), None
         with one_blas_thread(), progress_of((0.0, 1.0), shown=self.progress, doing=f"planning {robot.name}") as done:
@@ -372,7 +397,7 @@ class _Settings:
             for i, (rate, friction, inner, loaded) in enumerate(tries):
                 bodies = BodyPairs.of(robot) if self.self_collision else None  # which know the poses before
                 t = np.linspace(first, last, max(round((last - first) * rate), 8) + 1)
-                knots = Knots(supports.on_knots(t), t, friction, inner, loaded, self.torques, bodies, costs)
+                knots = Knots(supports.on_knots(t), t, friction, inner, loaded, self.torques, bodies, over, costs)
                 try:
                     made = _planned(knots, self.friction, self.ground, lambda share, i=i: done((i + share) / len(tries)))
                 except NoSolution as error:
@@ -425,8 +450,8 @@ def _planned(knots: Knots, friction: float, ground: On, done: Any) -> Plan:
     curve = Curve.of(supports.robot, knots.t, q)
     keys = np.array([state.q for _, state in supports.keys])
     intervals = certified(curve, pushes, knots.torques)
-    bodies = knots.bodies if intervals.sure.all() else None  # else it is no plan however far they are apart
-    kept = between(curve, keys, bodies)
+    sure = bool(intervals.sure.all())  # else it is no plan however far bodies are apart
+    kept = between(curve, keys, knots.bodies if sure else None, knots.over, HALVED if sure else 0)
     return Plan(supports.robot, supports, curve, pushes, intervals, kept, friction, ground)
 
 
@@ -440,6 +465,11 @@ def _failure(
             return _without_momentum(said, why)
         return CannotPlan(f"{said}: {failed} More knots a second, rate=, come nearer to what limits allow.", t=())
     error = _of_nearest(found, limits)
+    best: Plan | None = error.plan
+    off = None if best is None or best.intervals.sure.all() else best.between.off_ground
+    if off is not None and not off.holds:
+        t, words, _ = off.worst
+        error.args = (f"{error.args[0]} In that plan, at {t:.3f} s, {words}.",)
     why = Momentum.of(supports, between=True).certificate() if len(supports.keys) > 2 else None
     if why is None:
         return error
@@ -461,8 +491,9 @@ def _of_nearest(found: list[Plan], limits: bool | float) -> CannotPlan:
     x = best.intervals
     bad = np.flatnonzero(~x.sure)
     if not len(bad):
-        t, said = best.between.worst
-        return CannotPlan(f"no plan was found: at {t:.3f} s {said}; give keyframes between, or more time.", t=(t,), plan=best)
+        t, said, named = best.between.worst
+        said = f"no plan was found: at {t:.3f} s {said}; give keyframes between, or more time."
+        return CannotPlan(said, t=(t,), plan=best, limits=named)
     worst = int(bad[np.argmax((x.missing[:, bad].max(axis=0)) + np.maximum(-x.slack[:, bad].min(axis=0), 0.0))])
     times = tuple(float(t) for t in x.start[bad])
     t = float((x.start if x.missing[0, worst] >= x.missing[1, worst] else x.end)[worst])

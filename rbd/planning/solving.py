@@ -14,6 +14,7 @@ from rbd.centroid.program import inner_corners
 from rbd.errors import NoSolution
 from rbd.model.sampled_motion import interpolated_q
 from rbd.motion.frame_terms import carriers, numbers_of, placements
+from rbd.motion.ground_clearance import OverGround
 from rbd.motion.reference_motion import minimum_jerk
 from rbd.motion.repair.feet import Feet, blend, blurred
 from rbd.motion.repair.forces import torque_rows, wrenches_on
@@ -61,6 +62,7 @@ class Knots:
         loaded: Points press with this share of what they carry of the weight on average, at least, where that is possible.
         torques: (least, most) torques at velocities.
         bodies: Pairs of bodies that are kept apart.
+        over: Links that are kept off the ground.
         costs: Of the centroid's program.
     """
 
@@ -71,6 +73,7 @@ class Knots:
     loaded: float
     torques: Callable[[Array], tuple[Array, Array]]
     bodies: BodyPairs | None
+    over: OverGround | None
     costs: CentroidCosts
 
     @property
@@ -189,7 +192,8 @@ class Knots:
                 plan = program.solve(plan)
             goals = Goals(R_at, p_at, free, plan.com, wrenches_on(plan, places, group, p), owed=owed + bent)
             heavy = stiff * np.where(self.on.any(axis=1), 1.0, FLYING)
-            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy)
+            over = self.over if i else None  # in the first pass feet come onto their ways over what lies between
+            q, left, last = posed(q, reference, self.feet, goals, self.bodies, turns, heavy, over)
             q[:, numbers] = q[:, numbers].clip(*allowed)  # so is the B-spline: it is nowhere beyond its control points
             sweep = Sweep.of(robot, q, self.dt)
             on_curve = _through(sweep)

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.ndimage import maximum_filter1d
 
 from rbd.arrays import Array, as_float, lazy
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.constraints.surface import On
 from rbd.constraints.terrain.terrain import Terrain
-from rbd.control.walking.footsteps import centre_of
+from rbd.control.walking.footsteps import BESIDE, Floor, centre_of
 from rbd.control.walking.swings import Swing
 from rbd.errors import CannotReach, InputError
 from rbd.errors.inputs import check_kind, check_known
@@ -138,6 +139,11 @@ class PlannedContacts:
             way = Swing(a, b, start, end - start, top)
             if stood and stands and abs(rise) > 0.5 * self.lift:
                 way = replace(way, forward=(0.3, 0.75), high=(0.4, 0.65))
+            if lifts and isinstance(contact.on, Terrain):
+                tops = Floor(contact.on, {contact.name: contact}, math.inf).tops(contact.name, a, b.translation)
+                if tops.max() > way.top - self.lift + EXACT:  # something higher lies between
+                    beside = BESIDE * (len(tops) - 1) / float(np.linalg.norm(b.translation - a.translation))
+                    way = way.over(maximum_filter1d(tops, 2 * math.ceil(beside) + 1), CLEARS)
             yield way, stood, stands
 
     def _flight(self, t: float) -> float | None:

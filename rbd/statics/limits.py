@@ -43,8 +43,8 @@ class Limit(Displayed):
 
     Attributes:
         kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive"; of plans also
-            "flight", "keyframe", "rest" or "reach".
-        name: Of the joint, or of the contact; or a time.
+            "flight", "keyframe", "rest", "reach" or "ground".
+        name: Of the joint, of the contact, or of the link; or a time.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -74,6 +74,7 @@ class Limit(Displayed):
             "keyframe": f"the centre of mass at the keyframe of {self.name}",
             "rest": f"being at rest at {self.name}",
             "reach": f"the length of the limbs from {self.name!r:.80}",
+            "ground": f"the clearance of {self.name!r:.80} over the ground",
         }[self.kind]
 
 

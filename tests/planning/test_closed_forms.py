@@ -14,7 +14,7 @@ from rbd.planning.planned_motion import _Settings
 
 G, MASS, PLATE = 9.81, 10.0, 0.01
 MU, T = 0.5, 1.0
-SETTINGS = _Settings(MU, 0.0, None, True, False, lambda v: (v, v), False, None)
+SETTINGS = _Settings(MU, 0.0, None, True, False, None, lambda v: (v, v), False, None)
 
 
 def cart(axis: tuple[float, float, float]) -> rbd.Robot:

@@ -369,7 +369,7 @@ class TestBetweenKnots:
         stand, t = solo.standing().q, np.linspace(0.0, 0.4, 5)
         q = np.tile(stand, (5, 1))
         q[2:4, 7] = high = float(solo.model.upperPositionLimit[7])
-        found = between(Curve.of(solo, t, q), np.array([stand]), None)
+        found = between(Curve.of(solo, t, q), np.array([stand]), None, None)
         assert not found.holds and found.worst[0] == 0.2 and repr(found.names[0]) in found.worst[1]
         s = np.linspace(0.2, 0.3, 2001)
         assert found.beyond[0] == pytest.approx(Curve.of(solo, t, q).spline(s)[:, 6].max() - high, abs=1e-9 + 1e-6 * high)

@@ -70,6 +70,11 @@ class ConvexShape:
         away += [float(np.linalg.norm(r.centre - centre)) + r.reach for r in self.rounds]
         self.__dict__.update(centre=centre, reach=max(away))
 
+    @property
+    def corners(self) -> Array:
+        """All corners, those too that stand for nothing among `vertices`, shape (k, 3) [m]."""
+        return np.asarray(parts_of(self.coal)[0] @ self.X_JC.rotation.T + self.X_JC.translation)
+
     def low(self, up: Array, limit: float) -> tuple[list[int], Array]:
         """(numbers, points (k, 3) [m]) of the points not above `limit` [m] along `up`: those that can touch, see `spread`.
 

@@ -32,6 +32,8 @@ FLAT = 1e-6
 """Corners on one plane are no farther from it [m] ..."""
 BUMPS = 1e-3
 """... and what is around a point foot."""
+BESIDE = 0.01
+"""Feet pass beside edges at this distance [m]."""
 AROUND = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
 
 
@@ -114,6 +116,15 @@ class Floor:
             return self.height(x, y)[0]
         except InputError:
             return -math.inf
+
+    def tops(self, foot: str, begin: pin.SE3, end: Array) -> Array:
+        """How high what lies under a foot is, on its straight way to a place, shape (41,) [m]; not where it begins and ends."""
+        a, share = begin.translation, np.linspace(0.0, 1.0, 41)
+        corners = np.asarray(self.feet[foot].corners) @ begin.rotation.T
+        corners = corners + BESIDE * np.sign(corners) * [1.0, 1.0, 0.0]
+        out = np.array([max(self.top(*(a + s * (end - a) + c)[:2]) for c in corners) for s in share])
+        out[[0, -1]] = -math.inf
+        return out
 
     def shifted(self, foot: str, X: pin.SE3, d: Array) -> pin.SE3:
         """A foothold shifted along the ground; by less where it would not rest wholly there."""

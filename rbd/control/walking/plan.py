@@ -41,16 +41,6 @@ COM, HEIGHT, ACCELERATION, JERK, FORCE_RATE, SHIFT, MOMENT = 0.057, 0.01, 0.2, 1
 """Costs of the plan (`CentroidCosts`), in units of h, g and sqrt(h / g): so robots of all sizes move alike. Angular momentum
 costs as much where the body would tilt by `Gait.tilt` in one of these times, its rate where that changed within a quarter.
 Legs keep the height; a plan that may jump or sink takes up a push with forces that no leg has."""
-BESIDE = 0.01
-"""Feet pass beside edges at this distance [m]."""
-WAYS = (
-    ((0.0, 0.9), (0.5, 0.5)),
-    ((0.1, 0.9), (0.45, 0.55)),
-    ((0.2, 0.85), (0.45, 0.6)),
-    ((0.2, 0.8), (0.4, 0.65)),
-    ((0.3, 0.75), (0.4, 0.65)),
-)
-"""When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
 LIFTED, RISES, RISES_ON_TERRAIN, HIGHEST = 0.1, 0.45, 0.9, 0.5
 """Angle by which a heel rises at least; for each h that its foot goes forwards, and on terrain; and at most [rad]. With 0.9 on
 level ground Romeo falls; with 0.45 on stairs two frames of Talos jump."""
@@ -270,22 +260,7 @@ class Planner:
         """From one foothold to the next, over what lies between."""
         a, b = begin.translation, end.translation
         out = Swing(begin, end, start, T, max(a[2], b[2]) + self.lift, **self._heel(foot, begin, b - a))
-        if not self.floor.uneven:
-            return out
-        share = np.linspace(0.0, 1.0, 41)
-        corners = np.asarray(self.floor.feet[foot].corners) @ begin.rotation.T
-        corners = corners + BESIDE * np.sign(corners) * [1.0, 1.0, 0.0]
-        tops = np.array([max(self.floor.top(*(a + s * (b - a) + c)[:2]) for c in corners) for s in share])
-        tops[[0, -1]] = -math.inf
-        out = replace(out, top=max(out.top, tops.max() + self.lift))
-        for forward, high in WAYS:
-            out = replace(out, forward=forward, high=high)
-            u = start + T * share
-            z = np.array([out.at(x)[0].translation[2] for x in u])
-            s = minimum_jerk_way(((share - forward[0]) / (forward[1] - forward[0])).clip(0.0, 1.0))
-            if (z > np.interp(s, share, tops) - 1e-3)[(s > 0.0) & (s < 1.0)].all():
-                break
-        return out
+        return out.over(self.floor.tops(foot, begin, b), self.lift) if self.floor.uneven else out
 
     def _heel(self, foot: str, begin: pin.SE3, way: Array) -> dict[str, Any]:
         """A heel rises: flat, a sole that is lifted or behind the body takes more than ankles bend."""

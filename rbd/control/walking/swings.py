@@ -9,11 +9,21 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.model.sampled_motion import minimum_jerk_way
 
 SINKS = 0.04
 """Speed at which the target of a foot goes down that has not landed [m/s]."""
 DEEPEST = 0.02
 """And how far at most [m]."""
+
+WAYS = (
+    ((0.0, 0.9), (0.5, 0.5)),
+    ((0.1, 0.9), (0.45, 0.55)),
+    ((0.2, 0.85), (0.45, 0.6)),
+    ((0.2, 0.8), (0.4, 0.65)),
+    ((0.3, 0.75), (0.4, 0.65)),
+)
+"""When a foot moves forwards, and when it is high, as shares of its swing: the first way that clears what lies between."""
 
 HEEL = 0.7
 """A heel is up until this share of a swing."""
@@ -121,6 +131,23 @@ class Swing:
             path[0, 2] -= min(depth, DEEPEST)
             path[1, 2] -= SINKS * (depth < DEEPEST)
         return pin.SE3(R @ self.begin.rotation, path[0, :3]), path[1], path[2]
+
+    def over(self, tops: Array, lift: float) -> Swing:
+        """The same, higher by `lift` than what lies between, and as early and late over it as that takes.
+
+        Args:
+            tops: How high that is, at equal distances from the first place to the last, shape (n,) [m].
+            lift: How much higher it passes [m].
+        """
+        out, share = replace(self, top=max(self.top, float(tops.max()) + lift)), np.linspace(0.0, 1.0, len(tops))
+        for forward, high in WAYS:
+            out = replace(out, forward=forward, high=high)
+            u = self.start + self.T * share
+            z = np.array([out.at(x)[0].translation[2] for x in u])
+            s = minimum_jerk_way(((share - forward[0]) / (forward[1] - forward[0])).clip(0.0, 1.0))
+            if (z > np.interp(s, share, tops) - 1e-3)[(s > 0.0) & (s < 1.0)].all():
+                break
+        return out
 
     def redirected(self, t: float, end: pin.SE3, landing: float) -> Swing:
         """To another foothold, at another time, from where it is at a time on."""

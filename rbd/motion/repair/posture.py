@@ -20,9 +20,10 @@ from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import speed_limits
 from rbd.motion.frame_terms import carriers, numbers_of, placements, wrench_scale
 from rbd.motion.grasps import Grasps
+from rbd.motion.ground_clearance import OverGround
 from rbd.motion.repair.feet import Feet, blurred
 from rbd.motion.repair.sweep import Sweep, rates
-from rbd.motion.self_collision import BodyPairs
+from rbd.motion.self_collision import BodyPairs, NearBodies
 
 FOOT = np.array([2e-5, 2e-5, 2e-5, 1e-4, 1e-4, 1e-4])
 """Errors of a foot that stands that cost one: of its place and its rotation, in its own axes [m, rad]."""
@@ -50,6 +51,8 @@ TORQUE_SHARE, TORQUE_UNIT = 0.75, 0.02
 """Share of the torque limits that is used; error that costs one, over the limit."""
 APART, APART_UNIT = 0.01, 7e-4
 """Bodies are kept this far apart; error that costs one [m]."""
+OFF_GROUND_UNIT = 2e-4
+"""Error of how far links are from the ground that costs one [m]: keyframes that they pass near to do not lead into it."""
 SPEED_SHARE, SPEED_UNIT = 0.96, 0.002
 """Share of the speed limits that is used; error that costs one, over the limit."""
 DAMPING, LONGEST = 4000.0, 0.3
@@ -197,7 +200,8 @@ class Reference:
 
 
 def posed(
-    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int, stiff: Array | float = 1.0
+    q: Array, reference: Reference, feet: Feet, goals: Goals, bodies: BodyPairs | None, turns: int,
+    stiff: Array | float = 1.0, over: OverGround | None = None,
 ) -> tuple[Array, Sweep, float]:
     """(poses, their sweep before the last step, the length of that) after some steps of Gauss-Newton.
 
@@ -209,6 +213,7 @@ def posed(
         bodies: Pairs of bodies that are kept apart.
         turns: How many steps.
         stiff: Share of the weight of what is missing on the base; of each frame, shape (n,), or of all.
+        over: Links that are kept off the ground; its contacts are those of `feet`.
     """
     robot, dt, loose = reference.robot, reference.dt, goals.wrenches is None
     unit = foot_units(feet, goals.free, loose)
@@ -230,6 +235,8 @@ def posed(
             _force_rows(normal, sweep, reference, stiff, goals.owed)
         if bodies is not None:
             _apart_rows(normal, sweep, bodies)
+        if over is not None:
+            _off_ground_rows(normal, sweep, over, goals.free == 0.0)
         b = reference.weight_a
         normal.add_diagonal((b / dt**2, -2.0 * b / dt**2, b / dt**2), b * (reference.a - sweep.a)[1:-1])
         fast = (np.sign(sweep.v) * np.maximum(np.abs(sweep.v) - SPEED_SHARE * reference.speed, 0.0))[1:-1]
@@ -316,18 +323,42 @@ def _force_rows(normal: Normal, sweep: Sweep, reference: Reference, stiff: Array
 
 
 def _apart_rows(normal: Normal, sweep: Sweep, bodies: BodyPairs) -> None:
-    """Pairs of bodies that are nearer than `APART`: the distance grows with n . (v_second - v_first)."""
+    """Pairs of bodies that are nearer than `APART`."""
     moves = carriers(sweep.robot)
     for i, j, near in bodies.near(sweep.R, sweep.p, APART, again=True):
         apart = min(APART, max(bodies.at_rest(i, j), -APART_UNIT))  # as near as where the robot rests
         near = near.some(near.gap < apart)
-        k, J, n = near.frames, sweep.J[near.frames], near.normal
-        joints = [bodies.shapes[x][2].joint for x in (i, j)]
-        row = np.zeros((len(k), sweep.robot.nv))
-        for joint, point, sign in zip(joints, (near.first, near.second), (-1.0, 1.0), strict=True):
-            speed = np.einsum("ni,nij->nj", n, J[:, :3]) + np.einsum("ni,nij->nj", np.cross(point, n), J[:, 3:])
-            row += sign * np.where(moves[joint], speed, 0.0)
-        normal.add(row[:, None] / APART_UNIT, ((apart - near.gap) / APART_UNIT)[:, None], k)
+        one, other = (moves[bodies.shapes[x][2].joint] for x in (i, j))
+        _add_apart(normal, sweep, near, [(near.first, -1.0, one), (near.second, 1.0, other)], apart, APART_UNIT)
+
+
+def _off_ground_rows(normal: Normal, sweep: Sweep, over: OverGround, stands: Array) -> None:
+    """Links that are nearer to the ground than wanted, but while their contacts stand, which shape (n, F) tells."""
+    moves = carriers(sweep.robot)
+    for i, j, near in over.near(sweep.R, sweep.p, over.wanted, stands):
+        sides = [(near.second, 1.0, moves[over.shapes[i].joint])]
+        _add_apart(normal, sweep, near, sides, float(over.wanted[i, j]), OFF_GROUND_UNIT)
+
+
+def _add_apart(
+    normal: Normal, sweep: Sweep, near: NearBodies, sides: Sequence[tuple[Array, float, Array]], apart: float, unit: float
+) -> None:
+    """Rows of two bodies that are to be so far apart: the distance grows with n . (v_second - v_first).
+
+    Args:
+        normal: Where they are added.
+        sweep: Of the poses.
+        near: Where both are.
+        sides: (points, -1 of the first or 1 of the second, which coordinates move them) of those that move.
+        apart: How far apart [m].
+        unit: Error that costs one [m].
+    """
+    k, n = near.frames, near.normal
+    J, row = sweep.J[k], np.zeros((len(k), sweep.robot.nv))
+    for point, sign, moves in sides:
+        speed = np.einsum("ni,nij->nj", n, J[:, :3]) + np.einsum("ni,nij->nj", np.cross(point, n), J[:, 3:])
+        row += sign * np.where(moves, speed, 0.0)
+    normal.add(row[:, None] / unit, ((apart - near.gap) / unit)[:, None], k)
 
 
 def _moved(robot: CheckedModel, q: Array, dq: Array) -> Array:
