@@ -22,14 +22,14 @@ from rbd.model.state import State
 from rbd.records import Field, counted, joined, vector
 from rbd.robust import verifier
 from rbd.robust.pose_bounds import Boxed
-from rbd.robust.poses import Poses
+from rbd.robust.poses import GivenSet
 from rbd.robust.program import Held
 from rbd.robust.proofs import Prover, claimed, document_of, of_set, text
 from rbd.robust.sets import Boxes, Masses, Member
 from rbd.robust.uncertain_loads import UncertainLoads
 
 TORQUES = ("each", "one", "affine")
-_BEHIND = (1e-8, 1e-6, 1e-4)
+BEHIND = (1e-8, 1e-6, 1e-4, 1e-2)
 """Shares that `held_behind` tries, one after the other."""
 _ALLOWED = 1e-6
 """Largest imbalance of one torque, or of an affine law, over the robot's weight: beyond it nothing is claimed."""
@@ -259,20 +259,18 @@ def hold(
     check_choice("torques", torques, TORQUES)
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
     most = check_whole("most_parts", most_parts, 100_000, least=1)
-    if joints is None:
-        return decided(Prover(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques), kept, most)
-    poses = Poses(state, listed(contacts), joints, (pushes, friction, mass, com, loops))
-    return decided(Prover(poses.whole, torques), kept, most, poses)
+    given = GivenSet(state, listed(contacts), pushes, friction, mass, com, joints, loops)
+    return decided(given, torques, kept, most)
 
 
-def decided(prover: Prover, margin: float, most_parts: int, poses: Poses | None = None) -> RobustHold | Counterexample:
-    """The answer over a set of loads, of a box of poses with its own bounds in each part.
+def decided(given: GivenSet, torques: str, margin: float, most_parts: int) -> RobustHold | Counterexample:
+    """The answer over a set, of a box of poses with its own bounds in each part.
 
     Raises:
         NoSolution: neither was proved.
     """
-    loads, torques, n = prover.loads, prover.torques, len(prover.loads.columns)
-    search = _Search(prover, margin, most_parts if torques == "each" else 1, poses)
+    loads, n = given.whole, len(given.whole.columns)
+    search = _Search(given, torques, margin, most_parts if torques == "each" else 1)
     proof = search.over(-np.ones(n), np.ones(n))
     if search.against is not None:
         return search.against
@@ -287,18 +285,28 @@ def decided(prover: Prover, margin: float, most_parts: int, poses: Poses | None 
     return RobustHold(loads, torques, float(shown), float(left), torque, gain, search.parts, document)
 
 
-def held_behind(loads: Callable[[float], UncertainLoads], margin: float) -> tuple[float, RobustHold] | None:
-    """(share, proof): by which share what is proved stays behind what a program in floating point finds; None: by no small one.
+def held_behind(
+    given: Callable[[float], GivenSet], torques: str, margin: float, most_parts: int = 1, shares: Sequence[float] = BEHIND
+) -> tuple[float, RobustHold] | None:
+    """(share, proof): by which share what is proved stays behind what a program in floating point finds; None: by none of some.
 
     Args:
-        loads: The set that stays behind by a share.
+        given: The set that stays behind by a share.
+        torques: As of `hold`.
         margin: What is kept.
+        most_parts: As of `hold`.
+        shares: That are tried, one after the other.
     """
-    for share in _BEHIND:
+    for share in shares:
         with suppress(NoSolution):
-            if isinstance(answer := decided(Prover(loads(share), "each"), margin, 1), RobustHold):
+            if isinstance(answer := decided(given(share), torques, margin, most_parts), RobustHold):
                 return share, answer
     return None
+
+
+def at_pose(alone: Counterexample, joints: Mapping[str, float]) -> Counterexample:
+    """The same as a member of a box of poses."""
+    return replace(alone, members=tuple([replace(member, joints=joints) for member in alone.members]))
 
 
 def counterexample(prover: Prover, against: Mapping[str, Any], margin: float) -> Counterexample:
@@ -335,8 +343,8 @@ def _about(loads: UncertainLoads) -> dict[str, Any]:
 class _Search:
     """Proofs over parts of a set, until all are proved, one is refuted, or there are too many."""
 
-    def __init__(self, prover: Prover, margin: float, most: int, poses: Poses | None = None) -> None:
-        self.prover, self.margin, self.most, self.poses, self.parts = prover, margin, most, poses, 1
+    def __init__(self, given: GivenSet, torques: str, margin: float, most: int) -> None:
+        self.given, self.prover, self.margin, self.most, self.parts = given, Prover(given.whole, torques), margin, most, 1
         self.against: Counterexample | None = None
         self.shown: list[tuple[Fraction, Fraction]] = []
 
@@ -346,7 +354,7 @@ class _Search:
         Raises:
             NoSolution: neither, and there may be no more parts.
         """
-        own = self.poses is not None and bool((high - low < 2.0).any())
+        own = bool(self.prover.loads.turns) and bool((high - low < 2.0).any())
         prover, ends = self._of_part(low, high) if own else (self.prover, (low, high))
         L, torques = prover.loads, prover.torques
         found, proof = prover.witness(*ends, self.margin)
@@ -359,7 +367,7 @@ class _Search:
         against = None if L.turns and torques == "each" else prover.refuted(found, *ends, self.margin)
         if against is not None:
             self.against = counterexample(prover, against, self.margin)
-        elif self.poses is not None:
+        elif L.turns:
             self.against = self._alone(prover, found, *ends)
         if self.against is not None:
             return None
@@ -379,23 +387,21 @@ class _Search:
 
     def _of_part(self, low: Array, high: Array) -> tuple[Prover, tuple[Array, Array]]:
         """Bounds of a part of a box of poses, and its numbers t: those of joints are again from -1 to 1."""
-        assert self.poses is not None
         whole = self.prover.loads
         turned = np.isin(np.arange(len(low)), list(whole.turns))
-        prover = Prover(self.poses.part({i: (low[i], high[i]) for i in whole.turns}), self.prover.torques)
+        prover = Prover(self.given.part({i: (low[i], high[i]) for i in whole.turns}), self.prover.torques)
         return prover, (np.where(turned, -1.0, low), np.where(turned, 1.0, high))
 
     def _alone(self, prover: Prover, found: Held, low: Array, high: Array) -> Counterexample | None:
         """The worst pose that a search finds, where it cannot be held: alone it has no bounds over a box, so that is proved."""
-        assert self.poses is not None
         corner, t, worst = Prover(prover.loads, "each").worst(found, low, high, self.margin)
         if worst.value >= self.margin:
             return None
         where = prover.loads.member(corner, t).joints
         with suppress(NoSolution):
-            alone = decided(Prover(self.poses.alone(where), prover.torques), self.margin, 1)
+            alone = decided(self.given.at_pose(where), prover.torques, self.margin, 1)
             if isinstance(alone, Counterexample):
-                return replace(alone, members=tuple([replace(member, joints=where) for member in alone.members]))
+                return at_pose(alone, where)
         return None
 
     def _undecided(self, low: Array, high: Array, value: float) -> str:
