@@ -17,6 +17,7 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint
 from rbd.errors import DistantContactWarning, Unsupported
+from rbd.errors.inputs import check_kind
 from rbd.model.state import State
 from rbd.robust.centres import Placed
 from rbd.robust.pose_bounds import Boxed, PoseBounds, Taylor, bounds_over_poses, middles
@@ -70,7 +71,8 @@ class GivenSet:
     @lazy
     def anywhere(self) -> UncertainLoads:
         """The loads with the centre of mass where the pose has it; with a place, what the box of poses changes leaves it."""
-        return self._alone() if self.joints is None or self.joints == {} else self._over(self.joints, None)
+        check_kind("joints", self.joints, Mapping | None, "{joint: (lowest, highest)} [rad, m]")
+        return self._over(self.joints, None) if self.joints else self._alone()
 
     def part(self, within: Mapping[int, tuple[float, float]]) -> UncertainLoads:
         """The loads over a part of the box of poses, whose numbers t of the whole's joints are within intervals."""

@@ -17,7 +17,7 @@ from rbd.constraints.constraint import Constraint, listed
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, NoSolution
 from rbd.errors.inputs import check_choice
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.records import Field, vector
 from rbd.robust.holding import BEHIND, TORQUES, Counterexample, RobustHold, at_pose, counterexample, decided, held_behind
 from rbd.robust.pose_bounds import Boxed
@@ -160,7 +160,7 @@ def push_limits(
     parts = check_whole("most_parts", most_parts, 100_000, least=1)
     given = GivenSet(state, listed(contacts), None, friction, mass, com, joints, loops)
     at = np.asarray(PushSet(frame, np.zeros(3), offset).offset)
-    state.frame(frame, at)  # refuse one that is not there
+    checked(state).frame(frame, at)  # refuse one that is not there
     alone = decided(given, torques, kept, parts)
     if isinstance(alone, Counterexample):
         one = f"a member cannot be held without a push, {alone.members[0]}."
