@@ -91,7 +91,7 @@ def test_an_empty_box_of_poses_changes_nothing():
 
 
 def test_places_of_a_box_of_poses_are_proved_and_refuted(exhaustive):
-    """The region is smaller than that of one pose, with the inner end within two per cent of the outer one; Solo, two joints."""
+    """It is smaller than that of one pose, its inner end within two per cent of the outer one; Solo, two joints."""
     if not exhaustive:
         pytest.skip("the region of a carrier is the same code; Solo's in the exhaustive run")
     solo = rbd.load_robot("solo12")
