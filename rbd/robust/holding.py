@@ -120,10 +120,11 @@ class RobustHold(_Certified, Displayed):
     )
 
     def __str__(self) -> str:
+        own = {"each": "torques of its own", "one": "the same torques", "affine": "torques that are a law of the push"}
+        by = f", by {own[self.torques]}" if self.loads.state.robot.nu else ""
         return (
-            f"held: every member of {set_words(self.loads)}, with {self.margin:.4g} N, N m to each limit, torques of "
-            f"{'each member' if self.torques == 'each' else 'one for all' if self.torques == 'one' else 'a law of the push'}; "
-            f"{counted(self.parts, 'part')}."
+            f"held: every member of {set_words(self.loads)}, with {kept_words(self.loads, self.margin)}{by}; "
+            f"proved in {counted(self.parts, 'part')}."
         )
 
 
@@ -170,9 +171,9 @@ class Counterexample(_Certified, Displayed):
     )
 
     def __str__(self) -> str:
-        kept = f" with {self.margin:g} N, N m to each limit" if self.margin else ""
+        kept = f" with {kept_words(self.loads, self.margin)}" if self.margin else ""
         if len(self.members) == 1:
-            return f"cannot be held{kept}: {self.members[0]}."
+            return f"a member cannot be held{kept}: {self.members[0]}."
         what = "one torque" if self.torques == "one" else "torques that are affine in the push"
         some = "; ".join(map(str, self.members[:2])) + ("; ..." if len(self.members) > 2 else "")
         return (
@@ -181,9 +182,20 @@ class Counterexample(_Certified, Displayed):
         )
 
 
+def kept_words(loads: UncertainLoads, margin: float) -> str:
+    """A margin with its units: of contact forces, and of the torques and forces of motors that have a limit."""
+    robot, (low, high) = loads.state.robot, loads.limits
+    limited = [robot.actuated_names[i] for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high))]
+    slides = {robot.model.joints[robot.joint_id(name)].shortname().startswith("JointModelP") for name in limited}
+    words = [f"{margin:.4g} N to each limit of contact forces"]
+    words += [f"{margin:.4g} N m to each torque limit"] if False in slides else []
+    words += [f"{margin:.4g} N to each limit of motors that slide"] if True in slides else []
+    return " and ".join(words)
+
+
 def set_words(loads: UncertainLoads) -> str:
     """What is uncertain, as text."""
-    words = [f"pushes at {s.frame} with {counted(len(np.asarray(s.corners)), 'corner')}" for s in loads.pushes]
+    words = [f"pushes at {s.frame} within {counted(len(np.asarray(s.corners)), 'corner')}" for s in loads.pushes]
     links = list(dict.fromkeys(name.partition(" of ")[0] for name in loads.names if name.startswith("mass")))
     count = sum(name.startswith("mass") for name in loads.names)
     words += [counted(count, "mass", "masses")] if links else []
@@ -191,7 +203,9 @@ def set_words(loads: UncertainLoads) -> str:
     words += [counted(count, "joint")] if count else []
     boxes = list(dict.fromkeys(name.split("centre of mass of ")[1] for name in loads.names if "centre of mass" in name))
     words += [f"centre of mass of {joined(boxes, 3)}"] if boxes else []
-    return "the set (" + ", ".join([*words, "friction at least that of the contacts"]) + ")"
+    rough = sorted(set(loads.balance.sets.mu.tolist()))
+    words += [f"friction of at least {rough[0]:.4g}{f' to {rough[-1]:.4g}' if len(rough) > 1 else ''}"] if rough else []
+    return "the set (" + (", ".join(words) or "the robot as it is") + ")"
 
 
 def hold(
@@ -410,6 +424,7 @@ class _Search:
             f"{name} within {low[i]:g} to {high[i]:g} half-widths" for i, name in enumerate(L.names) if high[i] - low[i] < 2.0
         ]
         where = f"the part with {joined(part, 4)}" if part else "the set as a whole"
-        best = "no forces were found" if not np.isfinite(value) else f"the largest margin found is {value:.3g} N"
+        best = "no forces were found" if not np.isfinite(value) else f"the largest margin found is {value:.3g} N (N m)"
         more = "a larger most_parts, a smaller set, or a smaller margin" if self.prover.torques == "each" else "torques='each'"
-        return f"{L.state.robot.name}: not decided in {where}: {best}, {self.margin:g} N was asked for. Try {more}."
+        asked = f"{self.margin:g} N (N m) was asked for" if self.margin else "it must not be negative"
+        return f"{L.state.robot.name}: not decided in {where}: {best}; {asked}. Try {more}."

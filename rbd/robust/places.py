@@ -99,9 +99,10 @@ class RobustRegion(Region, Displayed):
         return np.column_stack([corners + height / g[2] * g[:2], np.full(len(corners), float(height))])
 
     def __str__(self) -> str:
+        inner, outer = 1e4 * self.area, 1e4 * self.outer_area
         return (
-            f"region of the centre of mass: every member is held within {1e4 * self.area:.2f} cm2, one is not outside of "
-            f"{1e4 * self.outer_area:.2f} cm2; {len(self.vertices)} and {len(self.outer)} corners."
+            f"places of the centre of mass: every member is held inside {inner:.2f} cm2 ({len(self.vertices)} corners); outside "
+            f"of {outer:.2f} cm2 ({len(self.outer)} corners) a member is not."
         )
 
 
@@ -245,6 +246,8 @@ class _Ends:
             return place
 
         _polygon(farthest, most)
+        if not len(_cut(sides)):
+            raise CannotHold(f"{name}: no place of the centre of mass is one where every member is held. Try a smaller set.")
         kept = [side for side in sides if len(_on_side(_cut(sides), side))]
         outer, against = _cut(kept), list[Counterexample]()
         for side in kept:

@@ -18,7 +18,7 @@ from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, NoSolution
 from rbd.errors.inputs import check_choice
 from rbd.model.state import State, checked
-from rbd.records import Field, vector
+from rbd.records import Field, counted, vector
 from rbd.robust.holding import BEHIND, TORQUES, Counterexample, RobustHold, at_pose, counterexample, decided, held_behind
 from rbd.robust.pose_bounds import Boxed
 from rbd.robust.poses import GivenSet
@@ -93,10 +93,10 @@ class RobustPushLimits(Displayed):
         return drawing("plot_pushes")(ax, self)
 
     def __str__(self) -> str:
-        i = int(np.argmin(self.inner))
+        i, size = int(np.argmin(self.inner)), float(self.inner.min())
         return (
-            f"pushed at {self.frame} in {len(self.inner)} directions: every member withstands at least {self.inner[i]:.4g} N, "
-            f"the least along {vector(self.directions[i], 2)}, where beyond {self.outer[i]:.4g} N a member does not."
+            f"pushed at {self.frame} in {counted(len(self.inner), 'direction')}: every member withstands {size:.5g} N, "
+            f"the least along {vector(self.directions[i], 2)}; there a member withstands no more than {self.outer[i]:.5g} N."
         )
 
 

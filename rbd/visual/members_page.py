@@ -89,7 +89,7 @@ function draw() {
   const m = member(), out = m.beyond.length > 0, add = (p, f, scale = D.metres) => p.map((x, i) => x + scale * f[i]);
   document.body.className = out ? "beyond" : "";
   document.getElementById("says").textContent = out ? "Beyond the set by " + m.beyond.join(", ") + ": nothing is proved here." :
-    "Held: " + fixed(m.slack, 3) + " N, N m to the nearest limit; proved for all members: " + fixed(D.margin, 3) + ".";
+    "Held: " + fixed(m.slack, 3) + " N (N m) to the nearest limit; proved for all members: " + fixed(D.margin, 3) + ".";
   pen.clearRect(0, 0, 620, 620);
   const seen = D.surface.map((p) => [place(p), p[3]]).sort((a, b) => a[0][2] - b[0][2]);
   for (const [[x, y], shade] of seen) {
