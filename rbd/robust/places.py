@@ -101,8 +101,8 @@ class RobustRegion(Region, Displayed):
     def __str__(self) -> str:
         inner, outer = 1e4 * self.area, 1e4 * self.outer_area
         return (
-            f"places of the centre of mass: every member is held inside {inner:.2f} cm2 ({len(self.vertices)} corners); outside "
-            f"of {outer:.2f} cm2 ({len(self.outer)} corners) a member is not."
+            f"places of the centre of mass: every member is held inside {inner:.2f} cm2 ({len(self.vertices)} corners), "
+            f"a member is not outside of {outer:.2f} cm2 ({len(self.outer)} corners)."
         )
 
 
