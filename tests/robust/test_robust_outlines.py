@@ -103,7 +103,7 @@ def test_both_outlines_are_drawn():
     held, axes = hold(state, base, pushes=pushes), Figure().subplots(1, 2)
     assert [text.get_text() for text in limits.plot(axes[0])[0].axes.get_legend().get_texts()] == [
         "every member withstands",
-        "a member does not, beyond",
+        "a member does not withstand more",
     ]
     assert len(places.plot(axes[1])) >= 3
     with rbd.visual.Scene(crate) as scene:
