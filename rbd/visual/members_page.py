@@ -94,7 +94,7 @@ function draw() {
   const m = member(), out = m.beyond.length > 0, add = (p, f, scale = D.metres) => p.map((x, i) => x + scale * f[i]);
   document.body.className = out ? "beyond" : "";
   document.getElementById("says").textContent = out ? "Beyond the set by " + m.beyond.join(", ") + ": nothing is proved here." :
-    "Held: " + fixed(m.slack, 3) + " N (N m) to the nearest limit; proved for all members: " + fixed(D.margin, 3) +
+    "Held: " + fixed(m.slack, 3) + D.unit + " to the nearest limit; proved for all members: " + fixed(D.margin, 3) +
     (D.parts.length > 1 ? "; part " + (m.number + 1) + " of " + D.parts.length + " of the set." : ".");
   pen.clearRect(0, 0, 620, 620);
   const seen = D.surface.map((p) => [place(p), p[3]]).sort((a, b) => a[0][2] - b[0][2]);
@@ -106,7 +106,7 @@ function draw() {
   if (D.at) for (const push of D.pushes) {
     const [x, y] = place(add(D.at, push, D.push_metres)); pen.fillStyle = "#b8560f"; pen.fillRect(x - 3, y - 3, 6, 6);
   }
-  const used = out ? [] : [["cones of friction, at most", m.cone], ["torque limits, at most", m.motor]];
+  const used = out ? [] : [["cones of friction, at most", m.cone], ...(D.limited ? [["torque limits, at most", m.motor]] : [])];
   document.getElementById("used").innerHTML = used.map(([name, x]) => "<tr><td>" + name + "<td><span class=bar style='width:" +
     Math.round(120 * Math.min(1, x)) + "px'></span><td>" + (100 * x).toFixed(1) + " %").join("");
   return m;
@@ -152,6 +152,7 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
     low, high = places.min(axis=0), places.max(axis=0)
     sliders, kinds = _sliders(held)
     motors, limits = robot.actuated, loads.limits
+    limited = bool(np.isfinite(limits).any())
     data = {
         "surface": np.column_stack([places.round(3), shade]).tolist(), "middle": (0.5 * (low + high)).tolist(),
         "scale": 470.0 / float((high - low).max()), "metres": 0.5 * float((high - low).max()) / loads.balance.unit,
@@ -159,6 +160,7 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
         "push_metres": 0.3 * float((high - low).max()) / max(float(np.linalg.norm(loads.components, axis=1).max()), 1e-9),
         "pushes": loads.components.tolist(), "simplices": _simplices(loads.components),
         "size": 1.0 + float(np.abs(loads.components).max(initial=0.0)),
+        "limited": limited, "unit": " N (N m)" if limited else " N",
         "parts": list(_parts(held)), "torque": held.torque.tolist(), "gain": held.gain.tolist(),
         "loads": loads.corners[:, motors].tolist(), "columns": loads.columns[:, motors].tolist(),
         "motors": loads.balance.per_weight[motors].tolist(), "cones": sets.cone_columns.tolist(), "friction": sets.mu.tolist(),
