@@ -411,7 +411,7 @@ class _Search:
         corner, t, worst = Prover(prover.loads, "each").worst(found, low, high, self.margin)
         if worst.value >= self.margin:
             return None
-        where = prover.loads.member(corner, t).joints
+        where = self.given.pose_of(prover.loads.member(corner, t))
         with suppress(NoSolution):
             alone = decided(self.given.at_pose(where), prover.torques, self.margin, 1)
             if isinstance(alone, Counterexample):

@@ -266,7 +266,7 @@ class _Ends:
         corners, far = np.arange(len(L.corners)), 2.0 * WITHIN_M
         members, found = worst_along(L, corners, self.margin, along, beside, far, self.torques, L.components)
         if L.turns and self.torques == "each":  # a pose alone has no bounds over a box
-            where = L.member(*members[0]).joints
+            where = self.given.pose_of(L.member(*members[0]))
             return replace(self, given=self.given.at_pose(where))._side(direction, where)
         place, name = self._place(direction, found), L.state.robot.name
         if place is None:

@@ -21,7 +21,7 @@ from rbd.errors.inputs import check_kind
 from rbd.model.state import State
 from rbd.robust.centres import Placed
 from rbd.robust.pose_bounds import Boxed, PoseBounds, Taylor, bounds_over_poses, middles
-from rbd.robust.sets import Boxes, Masses, boxes_of, masses_of, middle_of
+from rbd.robust.sets import Boxes, Masses, Member, boxes_of, masses_of, middle_of
 from rbd.robust.uncertain_loads import UncertainLoads
 from rbd.statics.force_balance import ForceBalance
 
@@ -90,6 +90,11 @@ class GivenSet:
         found = replace(self, place=place)
         found.__dict__["places"] = self.places  # known
         return found
+
+    def pose_of(self, member: Member) -> dict[str, float]:
+        """The joints of a member, within the box also where rounding put them beyond its ends."""
+        ends = self.joints or {}
+        return {name: float(np.clip(q, *ends[name])) for name, q in member.joints.items()}
 
     def at_pose(self, joints: Mapping[str, float]) -> GivenSet:
         """The set at one pose of its box."""

@@ -234,7 +234,7 @@ class _Line:
         (L, way, pushes), U = self._ends, self._ends[0].balance.unit
         members, found = worst_along(L, np.ones(1, int), self.margin, way, None, most / U, self.torques, pushes)
         if L.turns and self.torques == "each":  # a pose alone has no bounds over a box
-            where = L.member(*members[0]).joints
+            where = self.given.pose_of(L.member(*members[0]))
             size, against = replace(self, given=self.given.at_pose(where)).outer(most)
             return size, None if against is None else at_pose(against, where)
         for share in _BEYOND:

@@ -42,7 +42,7 @@ def test_a_load_that_slides_anywhere_tips_the_carrier_at_the_nearer_end():
     assert (found.inner <= expected).all() and (found.outer >= expected).all()
     assert (found.outer - found.inner).max() < 1e-5 * expected
     assert all(proof.verify() for proof in found.holds) and all(against.verify() for against in found.counterexamples)
-    assert [against.members[0].joints["slide"] for against in found.counterexamples] == pytest.approx([0.05, -0.05])
+    assert [against.members[0].joints["slide"] for against in found.counterexamples] == [0.05, -0.05]  # none beyond the box
 
 
 def test_the_region_asks_for_the_highest_push_of_a_box_of_poses():
