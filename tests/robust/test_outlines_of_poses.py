@@ -110,6 +110,13 @@ def test_parts_bring_the_inner_end_nearer():
     assert 0.99 * expected < parts.inner[0] <= expected <= parts.outer[0] < expected * (1.0 + 1e-5)
 
 
+def test_parts_prove_places_where_one_proof_finds_none():
+    """With a centre of mass within 0.15 x 0.07 m of where it is said to be, 0.1 x 0.06 m are left of a base of 0.4 x 0.2 m."""
+    none, parts = (region(AT_REST, sole("box"), com={"box": (0.15, 0.07, 0.0)}, most_parts=n) for n in (1, 4))
+    assert none.empty and none.outer_area == pytest.approx(parts.outer_area) == pytest.approx(0.1 * 0.06, rel=1e-4)
+    assert 0.99 * 0.1 * 0.06 < parts.area <= 0.1 * 0.06 and all(proof.parts > 1 and proof.verify() for proof in parts.holds)
+
+
 def test_torques_that_are_shared_have_outlines_too():
     """A box has no torques: one for all is as good as one for each; of Solo one torque withstands no push, a law of it does."""
     expected = 0.3 * 9.0 * G
