@@ -40,7 +40,7 @@ def main(show: bool = True) -> Result:
 
     # Pushes of up to 30 N within 25 degrees of straight back, and every member of the rest.
     held = hold(state, soles, pushes=PushSet.cone(TORSO, (-1, 0, 0), 30.0, 25.0), **given)
-    print(f"Pushed back by up to 30 N within 25 degrees: proved for all, {held.margin:.2f} N and N m to each limit.")
+    print(f"Pushed back by up to 30 N within 25 degrees: proved for all, {held.margin:.2f} N (N m) to each limit.")
 
     # Anybody can check the file: 200 lines of Python's standard library do.
     with TemporaryDirectory() as folder:

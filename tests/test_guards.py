@@ -824,13 +824,14 @@ CASES: dict[str, Case] = {
             "offset": np.zeros(3),
             "at_most": 50.0,
         }
-        | {"friction": 0.3, "mass": 0.1, "com": {"box": 0.01}, "margin": 0.1},
+        | {"friction": 0.3, "mass": 0.1, "com": {"box": 0.01}, "joints": None, "torques": "each", "margin": 0.1}
+        | {"most_parts": 1},
         10,
     ),
     "robust.region": Case(
         lambda **given: rbd.robust.region(**given).area,
         {"state": BOX.at(), "contacts": FLOOR, "pushes": {"box": np.eye(3)[:1]}, "friction": 0.3, "mass": 0.1, "com": None}
-        | {"margin": 0.1, "most_directions": 5},
+        | {"joints": None, "torques": "each", "margin": 0.1, "most_parts": 1, "most_directions": 5},
         5,
     ),
     "visual.plot_region": Case(

@@ -95,6 +95,20 @@ def where_it_can_stand() -> Path:
     return PICTURES / "where_it_can_stand.png"
 
 
+def robust() -> Path:
+    """Both outlines of `docs/reference/robust.md`: places and pushes of Solo that are proved for a wide set."""
+    solo = rbd.load_robot("solo12")
+    state, feet, angle = solo.standing(), solo.feet(friction=0.7), np.arange(16) * 2.0 * np.pi / 16
+    ways, given = np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle]), {"mass": 0.2, "com": {"base_link": 0.02}}
+    figure = Figure(figsize=(11.0, 3.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    pushes = rbd.robust.PushSet.box("base_link", (-4, -4, 0), (4, 4, 0))
+    rbd.robust.region(state, feet, pushes=pushes, friction=0.4, **given).plot(left)
+    rbd.robust.push_limits(state, feet, "base_link", ways, friction=0.4, **given).plot(right)
+    figure.savefig(PICTURES / "robust.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "robust.png"
+
+
 def motion_timing() -> Path:
     """The pace of `docs/reference/motions.md`: G1 leans, the least slowed timing and the fastest one."""
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
@@ -358,6 +372,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
         for f in (
             poses,
             where_it_can_stand,
+            robust,
             motion_timing,
             inverse_dynamics,
             control,

@@ -22,14 +22,14 @@ from rbd.model.state import State
 from rbd.records import Field, counted, joined, vector
 from rbd.robust import verifier
 from rbd.robust.pose_bounds import Boxed
-from rbd.robust.poses import Poses
+from rbd.robust.poses import GivenSet
 from rbd.robust.program import Held
 from rbd.robust.proofs import Prover, claimed, document_of, of_set, text
 from rbd.robust.sets import Boxes, Masses, Member
 from rbd.robust.uncertain_loads import UncertainLoads
 
 TORQUES = ("each", "one", "affine")
-_BEHIND = (1e-8, 1e-6, 1e-4)
+BEHIND = (1e-8, 1e-6, 1e-4, 1e-2)
 """Shares that `held_behind` tries, one after the other."""
 _ALLOWED = 1e-6
 """Largest imbalance of one torque, or of an affine law, over the robot's weight: beyond it nothing is claimed."""
@@ -120,10 +120,11 @@ class RobustHold(_Certified, Displayed):
     )
 
     def __str__(self) -> str:
+        own = {"each": "torques of its own", "one": "the same torques", "affine": "torques that are a law of the push"}
+        by = f", by {own[self.torques]}" if self.loads.state.robot.nu else ""
         return (
-            f"held: every member of {set_words(self.loads)}, with {self.margin:.4g} N, N m to each limit, torques of "
-            f"{'each member' if self.torques == 'each' else 'one for all' if self.torques == 'one' else 'a law of the push'}; "
-            f"{counted(self.parts, 'part')}."
+            f"held: every member of {set_words(self.loads)}, with {kept_words(self.loads, self.margin)}{by}; "
+            f"proved in {counted(self.parts, 'part')}."
         )
 
 
@@ -170,9 +171,9 @@ class Counterexample(_Certified, Displayed):
     )
 
     def __str__(self) -> str:
-        kept = f" with {self.margin:g} N, N m to each limit" if self.margin else ""
+        kept = f" with {kept_words(self.loads, self.margin)}" if self.margin else ""
         if len(self.members) == 1:
-            return f"cannot be held{kept}: {self.members[0]}."
+            return f"a member cannot be held{kept}: {self.members[0]}."
         what = "one torque" if self.torques == "one" else "torques that are affine in the push"
         some = "; ".join(map(str, self.members[:2])) + ("; ..." if len(self.members) > 2 else "")
         return (
@@ -181,9 +182,20 @@ class Counterexample(_Certified, Displayed):
         )
 
 
+def kept_words(loads: UncertainLoads, margin: float) -> str:
+    """A margin with its units: of contact forces, and of the torques and forces of motors that have a limit."""
+    robot, (low, high) = loads.state.robot, loads.limits
+    limited = [robot.actuated_names[i] for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high))]
+    slides = {robot.model.joints[robot.joint_id(name)].shortname().startswith("JointModelP") for name in limited}
+    words = [f"{margin:.4g} N to each limit of contact forces"]
+    words += [f"{margin:.4g} N m to each torque limit"] if False in slides else []
+    words += [f"{margin:.4g} N to each limit of motors that slide"] if True in slides else []
+    return " and ".join(words)
+
+
 def set_words(loads: UncertainLoads) -> str:
     """What is uncertain, as text."""
-    words = [f"pushes at {s.frame} with {counted(len(np.asarray(s.corners)), 'corner')}" for s in loads.pushes]
+    words = [f"pushes at {s.frame} within {counted(len(np.asarray(s.corners)), 'corner')}" for s in loads.pushes]
     links = list(dict.fromkeys(name.partition(" of ")[0] for name in loads.names if name.startswith("mass")))
     count = sum(name.startswith("mass") for name in loads.names)
     words += [counted(count, "mass", "masses")] if links else []
@@ -191,7 +203,9 @@ def set_words(loads: UncertainLoads) -> str:
     words += [counted(count, "joint")] if count else []
     boxes = list(dict.fromkeys(name.split("centre of mass of ")[1] for name in loads.names if "centre of mass" in name))
     words += [f"centre of mass of {joined(boxes, 3)}"] if boxes else []
-    return "the set (" + ", ".join([*words, "friction at least that of the contacts"]) + ")"
+    rough = sorted(set(loads.balance.sets.mu.tolist()))
+    words += [f"friction of at least {rough[0]:.4g}{f' to {rough[-1]:.4g}' if len(rough) > 1 else ''}"] if rough else []
+    return "the set (" + (", ".join(words) or "the robot as it is") + ")"
 
 
 def hold(
@@ -259,20 +273,18 @@ def hold(
     check_choice("torques", torques, TORQUES)
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
     most = check_whole("most_parts", most_parts, 100_000, least=1)
-    if joints is None:
-        return decided(Prover(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), torques), kept, most)
-    poses = Poses(state, listed(contacts), joints, (pushes, friction, mass, com, loops))
-    return decided(Prover(poses.whole, torques), kept, most, poses)
+    given = GivenSet(state, listed(contacts), pushes, friction, mass, com, joints, loops)
+    return decided(given, torques, kept, most)
 
 
-def decided(prover: Prover, margin: float, most_parts: int, poses: Poses | None = None) -> RobustHold | Counterexample:
-    """The answer over a set of loads, of a box of poses with its own bounds in each part.
+def decided(given: GivenSet, torques: str, margin: float, most_parts: int) -> RobustHold | Counterexample:
+    """The answer over a set, of a box of poses with its own bounds in each part.
 
     Raises:
         NoSolution: neither was proved.
     """
-    loads, torques, n = prover.loads, prover.torques, len(prover.loads.columns)
-    search = _Search(prover, margin, most_parts if torques == "each" else 1, poses)
+    loads, n = given.whole, len(given.whole.columns)
+    search = _Search(given, torques, margin, most_parts if torques == "each" else 1)
     proof = search.over(-np.ones(n), np.ones(n))
     if search.against is not None:
         return search.against
@@ -287,18 +299,28 @@ def decided(prover: Prover, margin: float, most_parts: int, poses: Poses | None 
     return RobustHold(loads, torques, float(shown), float(left), torque, gain, search.parts, document)
 
 
-def held_behind(loads: Callable[[float], UncertainLoads], margin: float) -> tuple[float, RobustHold] | None:
-    """(share, proof): by which share what is proved stays behind what a program in floating point finds; None: by no small one.
+def held_behind(
+    given: Callable[[float], GivenSet], torques: str, margin: float, most_parts: int = 1, shares: Sequence[float] = BEHIND
+) -> tuple[float, RobustHold] | None:
+    """(share, proof): by which share what is proved stays behind what a program in floating point finds; None: by none of some.
 
     Args:
-        loads: The set that stays behind by a share.
+        given: The set that stays behind by a share.
+        torques: As of `hold`.
         margin: What is kept.
+        most_parts: As of `hold`.
+        shares: That are tried, one after the other.
     """
-    for share in _BEHIND:
+    for share in shares:
         with suppress(NoSolution):
-            if isinstance(answer := decided(Prover(loads(share), "each"), margin, 1), RobustHold):
+            if isinstance(answer := decided(given(share), torques, margin, most_parts), RobustHold):
                 return share, answer
     return None
+
+
+def at_pose(alone: Counterexample, joints: Mapping[str, float]) -> Counterexample:
+    """The same as a member of a box of poses."""
+    return replace(alone, members=tuple([replace(member, joints=joints) for member in alone.members]))
 
 
 def counterexample(prover: Prover, against: Mapping[str, Any], margin: float) -> Counterexample:
@@ -335,8 +357,8 @@ def _about(loads: UncertainLoads) -> dict[str, Any]:
 class _Search:
     """Proofs over parts of a set, until all are proved, one is refuted, or there are too many."""
 
-    def __init__(self, prover: Prover, margin: float, most: int, poses: Poses | None = None) -> None:
-        self.prover, self.margin, self.most, self.poses, self.parts = prover, margin, most, poses, 1
+    def __init__(self, given: GivenSet, torques: str, margin: float, most: int) -> None:
+        self.given, self.prover, self.margin, self.most, self.parts = given, Prover(given.whole, torques), margin, most, 1
         self.against: Counterexample | None = None
         self.shown: list[tuple[Fraction, Fraction]] = []
 
@@ -346,7 +368,7 @@ class _Search:
         Raises:
             NoSolution: neither, and there may be no more parts.
         """
-        own = self.poses is not None and bool((high - low < 2.0).any())
+        own = bool(self.prover.loads.turns) and bool((high - low < 2.0).any())
         prover, ends = self._of_part(low, high) if own else (self.prover, (low, high))
         L, torques = prover.loads, prover.torques
         found, proof = prover.witness(*ends, self.margin)
@@ -359,7 +381,7 @@ class _Search:
         against = None if L.turns and torques == "each" else prover.refuted(found, *ends, self.margin)
         if against is not None:
             self.against = counterexample(prover, against, self.margin)
-        elif self.poses is not None:
+        elif L.turns:
             self.against = self._alone(prover, found, *ends)
         if self.against is not None:
             return None
@@ -379,23 +401,21 @@ class _Search:
 
     def _of_part(self, low: Array, high: Array) -> tuple[Prover, tuple[Array, Array]]:
         """Bounds of a part of a box of poses, and its numbers t: those of joints are again from -1 to 1."""
-        assert self.poses is not None
         whole = self.prover.loads
         turned = np.isin(np.arange(len(low)), list(whole.turns))
-        prover = Prover(self.poses.part({i: (low[i], high[i]) for i in whole.turns}), self.prover.torques)
+        prover = Prover(self.given.part({i: (low[i], high[i]) for i in whole.turns}), self.prover.torques)
         return prover, (np.where(turned, -1.0, low), np.where(turned, 1.0, high))
 
     def _alone(self, prover: Prover, found: Held, low: Array, high: Array) -> Counterexample | None:
         """The worst pose that a search finds, where it cannot be held: alone it has no bounds over a box, so that is proved."""
-        assert self.poses is not None
         corner, t, worst = Prover(prover.loads, "each").worst(found, low, high, self.margin)
         if worst.value >= self.margin:
             return None
-        where = prover.loads.member(corner, t).joints
+        where = self.given.pose_of(prover.loads.member(corner, t))
         with suppress(NoSolution):
-            alone = decided(Prover(self.poses.alone(where), prover.torques), self.margin, 1)
+            alone = decided(self.given.at_pose(where), prover.torques, self.margin, 1)
             if isinstance(alone, Counterexample):
-                return replace(alone, members=tuple([replace(member, joints=where) for member in alone.members]))
+                return at_pose(alone, where)
         return None
 
     def _undecided(self, low: Array, high: Array, value: float) -> str:
@@ -404,6 +424,7 @@ class _Search:
             f"{name} within {low[i]:g} to {high[i]:g} half-widths" for i, name in enumerate(L.names) if high[i] - low[i] < 2.0
         ]
         where = f"the part with {joined(part, 4)}" if part else "the set as a whole"
-        best = "no forces were found" if not np.isfinite(value) else f"the largest margin found is {value:.3g} N"
+        best = "no forces were found" if not np.isfinite(value) else f"the largest margin found is {value:.3g} N (N m)"
         more = "a larger most_parts, a smaller set, or a smaller margin" if self.prover.torques == "each" else "torques='each'"
-        return f"{L.state.robot.name}: not decided in {where}: {best}, {self.margin:g} N was asked for. Try {more}."
+        asked = f"{self.margin:g} N (N m) was asked for" if self.margin else "it must not be negative"
+        return f"{L.state.robot.name}: not decided in {where}: {best}; {asked}. Try {more}."

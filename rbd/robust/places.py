@@ -1,41 +1,40 @@
 """`region`: an inner and an outer bound of where the centre of mass may be so that every member of a set is held.
 
-With masses within intervals the load of a member is a + sum of t_i D_i. Where its centre of mass is at x instead of c, on the
-base it is
-
-    h - J_w^T ((x - c) x M g),      M and M c linear in t,
-
-so that a and D_i are linear in x: one conic program finds the farthest x along a direction that the corrections prove. The set
-of places of each member is convex, and so is that of all: places between proved ones are proved, and a virtual velocity that
-does no work along an edge refutes all places on it, and all beyond.
+The load of a member is linear in the place x of its centre of mass (`rbd.robust.centres`): one conic program finds the farthest
+x along a direction that the corrections prove. The set of places of each member is convex, and so is that of all: places
+between proved ones are proved, and virtual velocities that do no work along an edge refute all places on it, and all beyond.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from rbd.arrays import Array, check_number, check_whole
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, listed
 from rbd.constraints.convex.polygons import area_of, clipped, convex_hull
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSolution
+from rbd.errors import CannotHold, InputError, NoSolution
+from rbd.errors.inputs import check_choice
 from rbd.model.state import State, checked
-from rbd.model.world import along_gravity
 from rbd.records import Field
-from rbd.robust.holding import Counterexample, RobustHold, counterexample, held_behind
-from rbd.robust.program import Held, largest
+from rbd.robust.holding import BEHIND, TORQUES, Counterexample, RobustHold, at_pose, counterexample, held_behind
+from rbd.robust.pose_bounds import Boxed
+from rbd.robust.poses import GivenSet
+from rbd.robust.program import Held, Repair, Way, largest
 from rbd.robust.proofs import Prover, worst_along
-from rbd.robust.sets import Boxes, Masses, middle_of
+from rbd.robust.sets import Boxes, Masses
 from rbd.robust.uncertain_loads import UncertainLoads
 from rbd.statics.force_balance import ForceBalance
 from rbd.statics.planar_projection import WITHIN_M, Region
 
 _BEYOND = 1e-7
 """How far beyond what a program finds it is refuted [m]."""
+_SHARES = (1e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7)
+"""Of the way from a corner of the outer polygon to its middle, where places are proved in parts."""
 _FAR = 1e3
 """No place is farther [m]."""
 _SAME = 1e-6
@@ -100,9 +99,10 @@ class RobustRegion(Region, Displayed):
         return np.column_stack([corners + height / g[2] * g[:2], np.full(len(corners), float(height))])
 
     def __str__(self) -> str:
+        inner, outer = 1e4 * self.area, 1e4 * self.outer_area
         return (
-            f"region of the centre of mass: every member is held within {1e4 * self.area:.2f} cm2, one is not outside of "
-            f"{1e4 * self.outer_area:.2f} cm2; {len(self.vertices)} and {len(self.outer)} corners."
+            f"places of the centre of mass: every member is held inside {inner:.2f} cm2 ({len(self.vertices)} corners), "
+            f"a member is not outside of {outer:.2f} cm2 ({len(self.outer)} corners)."
         )
 
 
@@ -114,15 +114,18 @@ def region(
     friction: float | Mapping[str, float] | None = None,
     mass: Masses = None,
     com: Boxes = None,
+    joints: Boxed | None = None,
+    torques: str = "each",
     margin: float = 0.0,
     loops: bool = True,
+    most_parts: int = 1,
     most_directions: int = 24,
 ) -> RobustRegion:
     """Where the centre of mass may be for every member of a set to be held, seen along gravity, with proofs of both sides.
 
-    Masses do not move the centre of mass: it is at the place x that is asked about. With `com` the centres of mass of links
-    are off the places from which x is known, and the region is the smaller. Torques are within their limits, each member's own,
-    with gravity torques and Jacobians of this pose, as of `rbd.statics.support_region` with torque_limits=True.
+    Masses and poses do not move the centre of mass: it is at the place x that is asked about. With `com` the centres of mass of
+    links are off the places from which x is known, and the region is the smaller. Torques are within their limits, with gravity
+    torques and Jacobians of the pose, as of `rbd.statics.support_region` with torque_limits=True.
 
     Args:
         state: The pose of a robot with one floating base; v must be zero.
@@ -131,8 +134,12 @@ def region(
         friction: As of `rbd.robust.hold`.
         mass: As of `rbd.robust.hold`.
         com: As of `rbd.robust.hold`.
+        joints: As of `rbd.robust.hold`: a box of poses.
+        torques: As of `rbd.robust.hold`; one torque, or one law of the push, is of one place of the centre of mass.
         margin: What every member keeps to each limit [N, N m].
         loops: Whether the robot's own loops hold.
+        most_parts: Into how many parts the set may be split to prove a place, for torques of each. With more than one, up to
+            eight proofs look for a place near each corner of the outer polygon.
         most_directions: Directions in which its end is looked for, at most.
 
     Returns:
@@ -140,6 +147,7 @@ def region(
 
     Raises:
         InputError: a robot without a floating base, or with two; gravity that is level; as of `rbd.robust.hold`.
+        CannotHold: some members are held nowhere, by themselves or by torques that are shared.
         NoSolution: a program was not solved; or the region does not end within 10 m.
 
     Example:
@@ -156,154 +164,162 @@ def region(
         raise InputError(
             f"{state.robot.name} has {len(bases)} bases; expected one that floats, so that its centre of mass can move."
         )
-    places = _Places.of(UncertainLoads.of(state, contacts, pushes, friction, mass, com, loops), kept)
-    outer, edges = places.outer(most)
-    inner = places.inner(most)
-    middle = inner.mean(axis=0) if len(inner) else np.zeros(2)
-    corners, holds = list[Array](), list[RobustHold]()
-    for corner in inner:
-        if (proved := places.proved(corner, middle)) is not None:
-            corners.append(proved[0])
-            holds.append(proved[1])
-    weights = [hold.forces.mean(axis=0) / places.loads.balance.unit for hold in holds]
-    p = places.loads.balance.sets.size
-    return RobustRegion(
-        places.loads.balance, np.array(corners).reshape(-1, 2), outer, np.array(weights).reshape(-1, p), tuple(holds), edges,
-        np.zeros((0, 2)), False,
-    )  # fmt: skip
+    check_choice("torques", torques, TORQUES)
+    parts = check_whole("most_parts", most_parts, 100_000, least=1) if torques == "each" else 1
+    given = GivenSet(state, listed(contacts), pushes, friction, mass, com, joints, loops, np.zeros(2))
+    ends = _Ends(given, torques, kept)
+    outer, edges = ends.outer(most)
+    inner = ends.inner(most)
+    proved = [ends.proved(corner, inner.mean(axis=0)) for corner in inner]
+    if parts > 1:
+        proved += [ends.proved(corner, outer.mean(axis=0), parts) for corner in outer]
+    found = [each for each in proved if each is not None]
+    corners = np.array([place for place, _ in found]).reshape(-1, 2)
+    kept_ones = _outermost(corners)
+    holds, balance = tuple([found[i][1] for i in kept_ones]), given.whole.balance
+    weights = np.array([hold.forces.mean(axis=0) / balance.unit for hold in holds]).reshape(-1, balance.sets.size)
+    return RobustRegion(balance, corners[kept_ones], outer, weights, holds, edges, np.zeros((0, 2)), False)
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
-    """The loads where the centre of mass is at a place, linear in it.
+class _Ends:
+    """The ends of the region of a set.
 
     Attributes:
-        loads: With the centre of mass of every member at `origin`.
-        origin: On z = 0, shape (2,) [m].
-        corners: What a metre along x and y adds to the loads at the corners, shape (2, k, nv).
-        columns: To the columns, shape (2, n, nv).
+        given: The set, with a place.
+        torques: As of `region`.
         margin: What is kept.
     """
 
-    loads: UncertainLoads
-    origin: Array
-    corners: Array
-    columns: Array
+    given: GivenSet
+    torques: str
     margin: float
 
-    @classmethod
-    def of(cls, L: UncertainLoads, margin: float) -> _Places:
-        """The places of a set of loads; its own centres of mass are where they are.
-
-        Raises:
-            InputError: gravity whose lines do not meet the plane z = 0.
-        """
-        state, robot, g = L.state, L.state.robot, L.state.robot.gravity
-        origin = along_gravity(g, state.com)
-        at, turned = robot.model.joints[robot.bases[0]].idx_v, np.zeros((3, robot.nv))
-        turned[:, at + 3 : at + 6] = state.base_pose(robot.bases[0]).rotation
-        middle, moment, columns = robot.mass, robot.mass * state.com, L.columns.copy()
-        for i, (link, column, kilograms, half) in enumerate(L.links):
-            if column == i:
-                c = np.array(state.frame(link, middle_of(robot, link)).X_WF.translation)
-                more = kilograms - float(robot.model.inertias[robot.site(link)[0]].mass)
-                middle, moment = middle + more, moment + more * c
-                columns[i] -= turned.T @ np.cross(half * (state.com - c), g)
-        corners = L.corners - turned.T @ np.cross(middle * state.com - moment, g)
-        ways = [-turned.T @ np.cross(axis, g) for axis in np.eye(3)[:2]]
-        return cls(
-            L.with_corners(corners, L.components, columns), origin,
-            np.array([np.tile(middle * way, (len(corners), 1)) for way in ways]),
-            np.array([np.outer(L.mass, way) for way in ways]), margin,
-        )  # fmt: skip
-
-    def at(self, place: Array) -> UncertainLoads:
-        """The loads with the centre of mass at a place, shape (2,) on z = 0."""
-        off, L = place - self.origin, self.loads
-        corners = L.corners + np.tensordot(off, self.corners, 1)
-        return L.with_corners(corners, L.components, L.columns + np.tensordot(off, self.columns, 1))
-
-    def ways(self, direction: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """((along, along of columns), (beside, ...)) of a metre along a direction, and across it."""
-        across = np.array([-direction[1], direction[0]])
-        found = [(np.tensordot(d, self.corners, 1), np.tensordot(d, self.columns, 1)) for d in (direction, across)]
-        return found[0], found[1]
+    def _behind(self, direction: Array) -> tuple[UncertainLoads, Way, Way]:
+        """(loads with the centre of mass 10 m behind the origin, what a metre along a direction adds, and across it)."""
+        places = self.given.places
+        return (places.at(places.origin - WITHIN_M * direction), *places.ways(direction))
 
     def inner(self, most: int) -> Array:
         """Corners of the polygon of places that programs find to be proved, counterclockwise; none where there is none."""
 
         def farthest(direction: Array) -> Array | None:
-            L, (along, beside) = self.at(self.origin - WITHIN_M * direction), self.ways(direction)
-            found = largest(L, L.corners, L.columns, margin=self.margin, ways=along, free=beside, at_most=2.0 * WITHIN_M)
-            return self.place(direction, found)
+            L, along, beside = self._behind(direction)
+            found = largest(
+                L, L.corners, L.columns, self.torques, components=L.components, margin=self.margin, ways=along, free=beside,
+                at_most=2.0 * WITHIN_M, turns=L.turns, repair=Repair.of(L, L.turns),
+            )  # fmt: skip
+            return self._place(direction, found)
 
         return _polygon(farthest, most)
 
-    def place(self, direction: Array, found: Held) -> Array | None:
+    def _place(self, direction: Array, found: Held) -> Array | None:
         """Where an extent from 10 m behind the origin goes to; None where there is no such place."""
         if not np.isfinite(found.value):
             return None
-        across = np.array([-direction[1], direction[0]])
-        return np.asarray(self.origin + (found.value - WITHIN_M) * direction + found.aside * across)
+        across, origin = np.array([-direction[1], direction[0]]), self.given.places.origin
+        return np.asarray(origin + (found.value - WITHIN_M) * direction + found.aside * across)
 
-    def proved(self, corner: Array, middle: Array) -> tuple[Array, RobustHold] | None:
+    def proved(self, corner: Array, middle: Array, parts: int = 1) -> tuple[Array, RobustHold] | None:
         """(place, proof) as near to a corner as is proved; None where it is not."""
 
         def towards(share: float) -> Array:
             return np.asarray(corner + share * (middle - corner))
 
-        found = held_behind(lambda share: self.at(towards(share)), self.margin)
+        shares = BEHIND if parts == 1 else _SHARES
+        found = held_behind(lambda share: self.given.at_place(towards(share)), self.torques, self.margin, parts, shares)
         return None if found is None else (towards(found[0]), found[1])
 
     def outer(self, most: int) -> tuple[Array, tuple[Counterexample, ...]]:
         """(corners of the outer polygon, what refutes both ends of each edge).
 
         Raises:
+            CannotHold: some members are held nowhere.
             NoSolution: the region does not end within 10 m, or a proof was not found.
         """
         sides = list[_Side]()
-        name = self.loads.state.robot.name
+        name = self.given.state.robot.name
 
         def farthest(direction: Array) -> Array | None:
-            L, (along, beside) = self.at(self.origin - WITHIN_M * direction), self.ways(direction)
-            ways = along[1], beside[1]
-            v, t, found = worst_along(L, np.arange(len(L.corners)), self.margin, along[0], beside[0], 2.0 * WITHIN_M, ways)
-            place = self.place(direction, found)
-            if place is None or found.value >= 2.0 * WITHIN_M * (1.0 - 1e-6):
-                raise NoSolution(f"{name}: a member is held nowhere, or the region does not end within {WITHIN_M:g} m.")
-            sides.append((direction, float(direction @ place) + _BEYOND, v, t, found.velocities))
+            side, place = self._side(direction)
+            sides.append(side)
             return place
 
         _polygon(farthest, most)
+        if not len(_cut(sides)):
+            raise CannotHold(f"{name}: no place of the centre of mass is one where every member is held. Try a smaller set.")
         kept = [side for side in sides if len(_on_side(_cut(sides), side))]
         outer, against = _cut(kept), list[Counterexample]()
         for side in kept:
-            _, _, v, t, velocities = side
             for place in _on_side(outer, side):
-                prover = Prover(self.at(place), "each")
-                proof = prover.contradiction([(v, t)], velocities, self.margin)
+                prover = Prover(side.given.at_place(place).whole, self.torques)
+                proof = prover.contradiction(side.members, side.velocities, self.margin)
                 if proof is None:
                     raise NoSolution(f"{name}: that a member is not held at an edge of the region was not proved.")
-                against.append(counterexample(prover, proof, self.margin))
+                found = counterexample(prover, proof, self.margin)
+                against.append(found if side.pose is None else at_pose(found, side.pose))
         return outer, tuple(against)
 
+    def _side(self, direction: Array, pose: Mapping[str, float] | None = None) -> tuple[_Side, Array]:
+        """(the side along a direction, its farthest place) of the worst members that a search finds."""
+        L, along, beside = self._behind(direction)
+        corners, far = np.arange(len(L.corners)), 2.0 * WITHIN_M
+        members, found = worst_along(L, corners, self.margin, along, beside, far, self.torques, L.components)
+        if L.turns and self.torques == "each":  # a pose alone has no bounds over a box
+            where = self.given.pose_of(L.member(*members[0]))
+            return replace(self, given=self.given.at_pose(where))._side(direction, where)
+        place, name = self._place(direction, found), L.state.robot.name
+        if place is None:
+            one = self.torques == "each"
+            raise CannotHold(
+                f"{name}: {'a member is' if one else 'some members are'} held nowhere, wherever the centre of mass is"
+                + ("." if one else f", by torques that are shared (torques={self.torques!r}). Try torques='each'.")
+            )
+        if found.value >= far * (1.0 - 1e-6):
+            raise NoSolution(f"{name}: the region does not end within {WITHIN_M:g} m.")
+        return _Side(direction, float(direction @ place) + _BEYOND, members, found.velocities, self.given, pose), place
 
-_Side: TypeAlias = tuple[Array, float, int, Array, Array]
-"""(direction d, largest d . x, corner, numbers t, velocity) of a member that is held nowhere beyond."""
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """A side of the outer polygon: some members are held nowhere beyond.
+
+    Attributes:
+        direction: Outwards, shape (2,).
+        value: Largest direction . x [m].
+        members: Which are not held together, as (corner, t).
+        velocities: Virtual velocity of each, shape (k, nv).
+        given: The set that they are members of.
+        pose: Joints of a pose of a box, where they are of that pose.
+    """
+
+    direction: Array
+    value: float
+    members: list[tuple[int, Array]]
+    velocities: Array
+    given: GivenSet
+    pose: Mapping[str, float] | None
+
+
+def _outermost(corners: Array) -> list[int]:
+    """The numbers of the corners of the hull, counterclockwise, each once."""
+    if len(corners) < 3:
+        return list(range(len(corners)))
+    return [int(np.argmin(np.linalg.norm(corners - c, axis=1))) for c in convex_hull(corners)]
 
 
 def _cut(sides: Sequence[_Side]) -> Array:
     """The corners of what all sides leave, shape (j, 2)."""
     corners = [(-_FAR, -_FAR), (_FAR, -_FAR), (_FAR, _FAR), (-_FAR, _FAR)]
-    for d, value, *_ in sides:
-        corners = clipped(corners, -float(d[0]), -float(d[1]), -value)
+    for side in sides:
+        corners = clipped(corners, -float(side.direction[0]), -float(side.direction[1]), -side.value)
     return convex_hull(np.array(corners))
 
 
 def _on_side(corners: Array, side: _Side) -> Array:
     """The ends of the polygon's edge on a side, shape (2, 2); none where another side is nearer everywhere."""
-    along = corners @ np.array([-side[0][1], side[0][0]])
-    on = np.flatnonzero(np.abs(corners @ side[0] - side[1]) < 1e-9)
+    along = corners @ np.array([-side.direction[1], side.direction[0]])
+    on = np.flatnonzero(np.abs(corners @ side.direction - side.value) < 1e-9)
     if len(on) < 2 or np.ptp(along[on]) < _SAME:
         return np.zeros((0, 2))
     return corners[[on[np.argmin(along[on])], on[np.argmax(along[on])]]]

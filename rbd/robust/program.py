@@ -10,7 +10,7 @@ Sparse, as the corrections meet only in the sums. Forces are over the robot's we
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import sparse
@@ -52,6 +52,52 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False)
+class Way:
+    """What a unit of an extent s adds to a set of loads.
+
+    Attributes:
+        corners: To the loads at the corners, shape (k, nv).
+        columns: To the columns, shape (n, nv).
+        turns: To what a column changes in the loads at corners, of an uncertain pose: {its number: shape (k, nv)}.
+        radius: To the bound of a load's rounding, shape (nv,); zero if not given.
+    """
+
+    corners: Array
+    columns: Array
+    turns: Mapping[int, Array] = field(default_factory=dict)
+    radius: Array | float = 0.0
+
+    @classmethod
+    def between(cls, first: UncertainLoads, second: UncertainLoads) -> Way:
+        """From one set of loads to another."""
+        turns = {i: second.turns[i][1] - own for i, (_, own) in first.turns.items()}
+        columns, radius = second.columns - first.columns, second.load_radius - first.load_radius
+        return cls(second.corners - first.corners, columns, turns, radius)
+
+    def at(self, corner: int, t: Array) -> Array:
+        """To the load of a member, shape (nv,)."""
+        return np.asarray(self.corners[corner] + t @ self.slopes(corner))
+
+    def slopes(self, corner: int) -> Array:
+        """How that changes with each t, shape (n, nv)."""
+        out = self.columns.copy()
+        for i, own in self.turns.items():
+            out[i] += own[corner]
+        return out
+
+    def of_corner(self, corner: int) -> Way:
+        """The same of one corner alone."""
+        own = {i: of[corner : corner + 1] for i, of in self.turns.items()}
+        return Way(self.corners[corner : corner + 1], self.columns, own, self.radius)
+
+
+def right_inverse(loads: UncertainLoads) -> Array:
+    """X with P X = 1 in the idle rows, to the bits that a certificate has, shape (p, i)."""
+    A = loads.balance.per_weight[loads.state.robot.unactuated]
+    return np.round(np.linalg.pinv(A) * 2.0**30) / 2.0**30 if A.size else np.zeros((A.shape[1], 0))
+
+
+@dataclass(frozen=True, eq=False)
 class Repair:
     """How forces that miss the load of a pose in the idle rows are repaired, as the verifier bounds it.
 
@@ -64,9 +110,11 @@ class Repair:
     error: Array
 
     @classmethod
-    def of(cls, loads: UncertainLoads, X: Array, turns: Mapping[int, tuple[Array, Array]]) -> Repair:
-        """Of a right inverse X at the middle of a part, whose columns that turn are given."""
-        idle = loads.state.robot.unactuated
+    def of(cls, loads: UncertainLoads, turns: Mapping[int, tuple[Array, Array]]) -> Repair | None:
+        """At the middle of a part, whose columns that turn are given; None where none does."""
+        if not turns:
+            return None
+        idle, X = loads.state.robot.unactuated, right_inverse(loads)
         E = np.abs(loads.balance.per_weight[idle] @ X - np.eye(len(idle))) + loads.forces_radius[idle] @ np.abs(X)
         return cls(np.abs(X), E + sum(np.abs(S[idle] @ X) for S, _ in turns.values()))
 
@@ -96,8 +144,8 @@ def largest(
     *,
     components: Array | None = None,
     margin: float | None = None,
-    ways: tuple[Array, Array] | None = None,
-    free: tuple[Array, Array] | None = None,
+    ways: Way | None = None,
+    free: Way | None = None,
     at_most: float = np.inf,
     turns: Mapping[int, tuple[Array, Array]] | None = None,
     repair: Repair | None = None,
@@ -111,7 +159,7 @@ def largest(
         torques: "each", "one" or "affine".
         components: Pushes at the corners, shape (k, d); for "affine".
         margin: What is kept; None: it is maximised.
-        ways: (L', D'), shapes (k, nv) and (n, nv), of s; with a margin.
+        ways: What s adds; with a margin.
         free: The same of a further number r, up to `at_most` of either sign, which adds r times these.
         at_most: Larger s are not looked for.
         turns: {number of a column: (what it changes in P, shape (nv, p), and in the loads at corners, shape (k, nv))}.
@@ -146,22 +194,24 @@ def largest(
     turned, X = dict(turns or {}), np.zeros((p, 0)) if repair is None else repair.sizes
     fixes, absolute, R = new(k, X.shape[1]), new(k, p * (repair is not None)), loads.forces_radius
     wide = sum((np.abs(S_i) for S_i, _ in turned.values()), np.zeros_like(P))
-    nothing = np.zeros_like(corners), np.zeros_like(columns)
-    (along, along_columns), (beside, beside_columns) = ways or nothing, free or nothing
+    nothing = Way(np.zeros_like(corners), np.zeros_like(columns))
+    along, beside = ways or nothing, free or nothing
+    along_columns, beside_columns = ([way.slopes(v) for v in range(k)] for way in (along, beside))
+    spreads = np.broadcast_to(along.radius, nv)[:, None] / U
     fixed, takes = (0.0, 1.0) if margin is None else (margin / U, 0.0)
     all_sizes, keep, more = np.ones((1, n)), np.full((1, 1), takes), np.ones((1, change.shape[1]))
 
     equal, above, round_ = _Rows(), _Rows(), _Rows()  # equations; rows at most their sides; cones of three rows, axis first
     for v in range(k):
         law = [(S, tau[v if own else 0])] + [(S * components[v, i], K[i]) for i in range(d) if components is not None]
-        ends = [(-along[v][:, None] / U, s), *([(-beside[v][:, None] / U, r)] if len(r) else [])]
+        ends = [(-along.corners[v][:, None] / U, s), *([(-beside.corners[v][:, None] / U, r)] if len(r) else [])]
         squares = [(0.5 * S_i, F[v, i]) for i, (S_i, _) in turned.items()]
         equal.add([(P, x[v]), *squares, *law, *ends], corners[v] / U)
     for v in range(k):
         for i in range(n):
             law = [(S, change[v, i])] if own else []
             law += [(turned[i][0], x[v])] if i in turned else []
-            ends = [(-along_columns[i][:, None] / U, s), *([(-beside_columns[i][:, None] / U, r)] if len(r) else [])]
+            ends = [(-along_columns[v][i][:, None] / U, s), *([(-beside_columns[v][i][:, None] / U, r)] if len(r) else [])]
             side = columns[i] + (turned[i][1][v] if i in turned else 0.0)
             equal.add([(P, F[v, i]), *law, *ends], side / U)
             for sign in (1.0, -1.0):
@@ -213,7 +263,7 @@ def largest(
                         above.add([*chosen, (-np.eye(len(at_rows)), product)], np.zeros(len(at_rows)))
                     spent.append((np.eye(len(idle))[:, at_rows], product))
             left = repair.error - np.eye(len(idle))
-            above.add([*spent, (left, fixes[v])], -loads.load_radius[idle] / U)
+            above.add([*spent, (left, fixes[v]), (spreads[idle], s)], -loads.load_radius[idle] / U)
     above.add([(one, s)], np.array([_ENOUGH if margin is None else min(at_most, _FARTHEST)]))
     above.add([(-one, s)], np.array([_LEAST if margin is None else 0.0]))
     if len(r):

@@ -15,7 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.robust import verifier
-from rbd.robust.program import Held, Repair, largest
+from rbd.robust.program import Held, Repair, Way, largest, right_inverse
 from rbd.robust.uncertain_loads import UncertainLoads
 
 _BITS = 42
@@ -99,7 +99,7 @@ class Prover:
         L, middle, half = self.loads, 0.5 * (low + high), 0.5 * (high - low)
         part, columns = L.within(middle), half[:, None] * L.columns
         turns = {i: (half[i] * S, half[i] * own) for i, (S, own) in L.turns.items()}
-        repair = Repair.of(part, self._inverse(part), turns) if turns else None
+        repair = Repair.of(part, turns)
         if self.torques == "each":  # corners have nothing in common
             each = [
                 largest(
@@ -117,19 +117,13 @@ class Prover:
         enough = found.value >= margin - 1e-6 * L.balance.unit
         return found, self.rounded(found, part, columns, turns) if enough else None
 
-    @staticmethod
-    def _inverse(part: UncertainLoads) -> Array:
-        """X with P X = 1 in the idle rows, to the bits that a certificate has."""
-        A = part.balance.per_weight[part.state.robot.unactuated]
-        return np.round(np.linalg.pinv(A) * 2.0**30) / 2.0**30 if A.size else np.zeros((A.shape[1], 0))
-
     def rounded(
         self, found: Held, part: UncertainLoads, columns: Array, turns: Mapping[int, tuple[Array, Array]]
     ) -> dict[str, Any]:
         """The answer of a program as short fractions, its errors in the idle rows repaired to rounding."""
         idle, unit = part.state.robot.unactuated, part.balance.unit
         A = part.balance.per_weight[idle]
-        X = self._inverse(part)
+        X = right_inverse(part)
         forces, corrections = found.forces.copy(), found.corrections.copy()
         for _ in range(2):
             squares = sum((0.5 * corrections[:, i] @ S[idle].T for i, (S, _) in turns.items()), np.zeros((1, len(idle))))
@@ -179,11 +173,9 @@ class Prover:
 
     def _refuted_together(self, margin: float) -> dict[str, Any] | None:
         """Members whose torques follow one law and that cannot be held together: the corners, and each column's ends there."""
-        L, n = self.loads, len(self.loads.columns)
-        members = [(v, np.zeros(n)) for v in range(len(L.corners))]
-        for more in (False, True):
-            if more:
-                members += [(0, sign * row) for row in np.eye(n) for sign in (1.0, -1.0)]
+        L = self.loads
+        corners, ends = _together(L)
+        for members in (corners, corners + ends):
             stacked = np.array([L.load(v, t) for v, t in members])
             components = L.components[[v for v, _ in members]]
             own = largest(L, stacked, np.zeros((0, stacked.shape[1])), self.torques, components=components)
@@ -286,45 +278,66 @@ def claimed(slack: Fraction) -> Fraction:
     return slack // step * step
 
 
+def _together(L: UncertainLoads) -> tuple[list[tuple[int, Array]], list[tuple[int, Array]]]:
+    """Members that share torques: the corners of the pushes, and both ends of each uncertain number at the first of them."""
+    n = len(L.columns)
+    ends = [(0, sign * row) for row in np.eye(n) for sign in (1.0, -1.0)]
+    return [(v, np.zeros(n)) for v in range(len(L.corners))], ends
+
+
 def worst_along(
     L: UncertainLoads,
     vertices: Array,
     margin: float,
-    along: Array,
-    beside: Array | None,
+    way: Way,
+    beside: Way | None,
     most: float,
-    columns: tuple[Array, Array] | None = None,
-) -> tuple[int, Array, Held]:
-    """(corner, t, answer) of the member with the least extent along a way that the search finds.
+    torques: str = "each",
+    components: Array | None = None,
+) -> tuple[list[tuple[int, Array]], Held]:
+    """(members as (corner, t), answer) of the least extent along a way that the search finds: one, or some that share torques.
 
     Args:
         L: The loads.
         vertices: Numbers of corners at which it begins.
         margin: What is kept.
-        along: What the extent adds to the loads of corners, shape (k, nv).
-        beside: What a further number of any size adds, likewise, or None.
+        way: What the extent adds.
+        beside: What a further number of any size adds, or None.
         most: Larger extents are not looked for.
-        columns: The same of (along, beside) for the columns, shapes (n, nv).
+        torques: As of `largest`.
+        components: As of `largest`, at all corners.
     """
-    along_columns, beside_columns = columns if columns is not None else (np.zeros_like(L.columns), np.zeros_like(L.columns))
     best: tuple[int, Array, Held] | None = None
-    nothing = np.zeros((0, L.corners.shape[1]))
-    for v in vertices[:_CORNERS]:
+    nothing, worst = np.zeros((0, L.corners.shape[1])), list[tuple[int, Array]]()
+
+    def alone(members: list[tuple[int, Array]], of: UncertainLoads, torques: str) -> Held:
+        loads = np.array([L.load(v, t) for v, t in members])
+        ways, free = (None if w is None else Way(np.array([w.at(v, t) for v, t in members]), nothing) for w in (way, beside))
+        own = None if components is None else components[[v for v, _ in members]]
+        return largest(
+            of, loads, nothing, torques, components=own, margin=margin, ways=ways, free=free, at_most=most,
+        )  # fmt: skip
+
+    for v in vertices[:_CORNERS].tolist():
         signs = np.zeros(len(L.columns))
         for _ in range(_STEPS):
             t = L.inside(signs)
-            ways = (along[v] + t @ along_columns)[None], nothing
-            free = None if beside is None else ((beside[v] + t @ beside_columns)[None], nothing)
-            found = largest(L, L.load(int(v), t)[None], nothing, margin=margin, ways=ways, free=free, at_most=most)
+            found = alone([(v, t)], L.within(t), "each")
             if best is None or found.value < best[2].value:
-                best = int(v), t, found
+                best = v, t, found
             if not np.isfinite(found.value):
                 break
-            slopes = L.columns + found.value * along_columns + found.aside * beside_columns
-            turned = np.sign(found.velocities[0] @ slopes.T)
+            slopes = L.slopes(v, found.forces[0]) + found.value * way.slopes(v)
+            slopes += 0.0 if beside is None else found.aside * beside.slopes(v)
+            turned = np.sign(slopes @ found.velocities[0])
             turned = np.where(turned == 0.0, signs, turned)
             if (turned == signs).all():
                 break
             signs = turned
+        worst.append((v, t))
     assert best is not None
-    return best
+    if torques == "each":
+        return [best[:2]], best[2]
+    corners, ends = _together(L)
+    members = [*corners, *[(v, t) for v, t in worst if t.any()], *ends]
+    return members, alone(members, L, torques)

@@ -6,19 +6,23 @@ Each inner end is a set that is proved to be held, each outer one a member that 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, check_number, check_positive
-from rbd.constraints.constraint import Constraint
+from rbd.arrays import Array, check_number, check_positive, check_whole, lazy
+from rbd.constraints.constraint import Constraint, listed
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, NoSolution
-from rbd.model.state import State
-from rbd.records import Field, vector
-from rbd.robust.holding import Counterexample, RobustHold, counterexample, decided, held_behind
-from rbd.robust.program import largest
+from rbd.errors.inputs import check_choice
+from rbd.model.state import State, checked
+from rbd.records import Field, counted, vector
+from rbd.robust.holding import BEHIND, TORQUES, Counterexample, RobustHold, at_pose, counterexample, decided, held_behind
+from rbd.robust.pose_bounds import Boxed
+from rbd.robust.poses import GivenSet
+from rbd.robust.program import Repair, Way, largest
 from rbd.robust.proofs import Prover, worst_along
 from rbd.robust.sets import Boxes, Masses, PushSet
 from rbd.robust.uncertain_loads import UncertainLoads
@@ -30,6 +34,10 @@ if TYPE_CHECKING:
 
 _BEYOND = (1e-8, 1e-6, 1e-4)
 """Shares by which what is refuted is beyond what a program in floating point finds, tried one after the other."""
+_HALVINGS = 8
+"""Of what is between both ends, where the set may be split."""
+_NEAR = 1e-3
+"""Of the outer end: nearer ends are not halved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +93,10 @@ class RobustPushLimits(Displayed):
         return drawing("plot_pushes")(ax, self)
 
     def __str__(self) -> str:
-        i = int(np.argmin(self.inner))
+        i, size = int(np.argmin(self.inner)), float(self.inner.min())
         return (
-            f"pushed at {self.frame} in {len(self.inner)} directions: every member withstands at least {self.inner[i]:.4g} N, "
-            f"the least along {vector(self.directions[i], 2)}, where beyond {self.outer[i]:.4g} N a member does not."
+            f"pushed at {self.frame} in {counted(len(self.inner), 'direction')}: every member withstands {size:.5g} N, "
+            f"the least along {vector(self.directions[i], 2)}; there a member withstands no more than {self.outer[i]:.5g} N."
         )
 
 
@@ -103,13 +111,17 @@ def push_limits(
     friction: float | Mapping[str, float] | None = None,
     mass: Masses = None,
     com: Boxes = None,
+    joints: Boxed | None = None,
+    torques: str = "each",
     margin: float = 0.0,
     loops: bool = True,
+    most_parts: int = 1,
 ) -> RobustPushLimits:
     """The largest push in each direction that every member of a set withstands, with proofs of both sides.
 
-    Each member has torques of its own. The inner end is what one affine correction of forces proves, so that it may stay behind
-    the truth; the outer end is the largest push of the worst member that a search over corners finds.
+    The inner end is what one affine correction of forces proves, so that it may stay behind the truth; with `most_parts` the
+    set may be split, and the inner end is halved towards the outer one. The outer end is the largest push of the worst member
+    that a search over corners finds.
 
     Args:
         state: The pose; v must be zero.
@@ -121,8 +133,13 @@ def push_limits(
         friction: As of `rbd.robust.hold`.
         mass: As of `rbd.robust.hold`.
         com: As of `rbd.robust.hold`.
+        joints: As of `rbd.robust.hold`: a box of poses.
+        torques: As of `rbd.robust.hold`: "one" is sent along a direction whatever the push, "affine" is a law of its size, for
+            each direction another one.
         margin: What every member keeps to each limit [N, N m].
         loops: Whether the robot's own loops hold.
+        most_parts: Into how many parts the set may be split, for torques of each. More take longer: each of up to eight steps
+            towards the outer end is a proof of `rbd.robust.hold`.
 
     Raises:
         CannotHold: a member cannot be held without a push; `rbd.robust.hold` returns it.
@@ -139,21 +156,25 @@ def push_limits(
     """
     most, ways = check_positive("at_most", at_most, 1e9), unit_directions(directions)
     kept = check_number("margin", margin, 0.0, 1e9, expected="a force [N], zero or more")
-    still = UncertainLoads.of(state, contacts, None, friction, mass, com, loops)
-    J = state.frame(frame, offset).J[:3]
-    alone = decided(Prover(still, "each"), kept, 1)
+    check_choice("torques", torques, TORQUES)
+    parts = check_whole("most_parts", most_parts, 100_000, least=1)
+    given = GivenSet(state, listed(contacts), None, friction, mass, com, joints, loops)
+    at = np.asarray(PushSet(frame, np.zeros(3), offset).offset)
+    checked(state).frame(frame, at)  # refuse one that is not there
+    alone = decided(given, torques, kept, parts)
     if isinstance(alone, Counterexample):
-        raise CannotHold(f"{state.robot.name}: a member cannot be held without a push, {alone.members[0]}.")
+        one = f"a member cannot be held without a push, {alone.members[0]}."
+        raise CannotHold(f"{state.robot.name}: {one if torques == 'each' else f'without a push, {alone}'}")
     inner, outer, holds, against = list[float](), list[float](), list[RobustHold](), list[Counterexample | None]()
     for way in ways:
-        line = _Line(still, J.T @ way, PushSet(frame, np.vstack([np.zeros(3), way]), offset), kept)
-        size, proof = line.inner(most)
+        line = _Line(given, frame, way, at, torques, kept)
+        (size, proof), (end, found) = line.inner(most), line.outer(most)
+        if torques == "each" and parts > 1:
+            size, proof, end, found = line.halved(size, proof, end, found, parts)
         inner.append(size)
         holds.append(proof or alone)
-        end, found = line.outer(most)
         outer.append(end)
         against.append(found)
-    at = np.asarray(PushSet(frame, np.zeros((1, 3)), offset).offset)
     return RobustPushLimits(state, frame, at, ways, np.array(inner), np.array(outer), tuple(holds), tuple(against), most)
 
 
@@ -162,48 +183,83 @@ class _Line:
     """Pushes along one direction, from none on.
 
     Attributes:
-        still: The loads without a push.
-        pushed: Generalised force of a push of one newton, shape (nv,).
-        unit: No push and that one, as a set.
+        given: The set without a push.
+        frame: Where it acts.
+        way: Direction in W, shape (3,).
+        offset: From the frame's origin [m].
+        torques: As of `push_limits`.
         margin: What is kept.
     """
 
-    still: UncertainLoads
-    pushed: Array
-    unit: PushSet
+    given: GivenSet
+    frame: str
+    way: Array
+    offset: Array
+    torques: str
     margin: float
 
+    def at(self, size: float) -> GivenSet:
+        """The set with pushes from none to this size [N]."""
+        return replace(self.given, pushes=PushSet(self.frame, np.outer([0.0, size], self.way), self.offset))
+
+    @lazy
+    def _ends(self) -> tuple[UncertainLoads, Way, Array]:
+        """(loads without a push, what one as large as the weight adds, the pushes of both ends then)."""
+        still = self.at(0.0).whole
+        pushed = self.at(still.balance.unit).whole
+        return still, Way.between(still, pushed), pushed.components
+
     def inner(self, most: float) -> tuple[float, RobustHold | None]:
-        """(how far every member is proved to be held, the proof)."""
-        L, U = self.still, self.still.balance.unit
-        corners = np.repeat(L.corners, 2, axis=0)
-        way = np.vstack([np.zeros_like(self.pushed), -self.pushed * U]), np.zeros_like(L.columns)
-        found = largest(L, corners, L.columns, margin=self.margin, ways=way, at_most=most / U).value * U
-        if not np.isfinite(found):
-            raise NoSolution(f"{L.state.robot.name}: the largest push along a direction was not found.")
+        """(how far every member is proved to be held in one part, the proof); (0, None) where nothing is."""
+        (L, way, pushes), U = self._ends, self._ends[0].balance.unit
+        corners, turns = L.corners, L.turns
+        if self.torques == "each":  # no push has nothing in common with one
+            corners, way, turns = corners[1:], way.of_corner(1), {i: (S, own[1:]) for i, (S, own) in turns.items()}
+        found = U * largest(
+            L, corners, L.columns, self.torques, components=pushes, margin=self.margin, ways=way, at_most=most / U,
+            turns=turns, repair=Repair.of(L, turns),
+        ).value  # fmt: skip
+        if not found > 0.0:
+            return 0.0, None
 
         def less(share: float) -> float:
             return max(found * (1.0 - share) - share * U, 0.0)
 
-        proved = held_behind(lambda share: self.at([0.0, less(share)]), self.margin)
-        return (0.0, None) if proved is None or not less(proved[0]) else (less(proved[0]), proved[1])
+        shares = [share for share in BEHIND if less(share) > 0.0]
+        proved = held_behind(lambda share: self.at(less(share)), self.torques, self.margin, shares=shares)
+        return (0.0, None) if proved is None else (less(proved[0]), proved[1])
 
     def outer(self, most: float) -> tuple[float, Counterexample | None]:
         """(beyond what a member is not held, the proof); (most, None) where none is found."""
-        L, U = self.still, self.still.balance.unit
-        t, found = worst_along(L, np.zeros(1, int), self.margin, (-self.pushed * U)[None], None, most / U)[1:]
+        (L, way, pushes), U = self._ends, self._ends[0].balance.unit
+        members, found = worst_along(L, np.ones(1, int), self.margin, way, None, most / U, self.torques, pushes)
+        if L.turns and self.torques == "each":  # a pose alone has no bounds over a box
+            where = self.given.pose_of(L.member(*members[0]))
+            size, against = replace(self, given=self.given.at_pose(where)).outer(most)
+            return size, None if against is None else at_pose(against, where)
         for share in _BEYOND:
             size = found.value * U * (1.0 + share) + share * U
-            if size > most:
+            if not 0.0 <= size <= most:
                 break
-            prover = Prover(self.at([0.0, size]), "each")
-            if (proof := prover.contradiction([(1, t)], found.velocities, self.margin)) is not None:
+            prover = Prover(self.at(size).whole, self.torques)
+            if (proof := prover.contradiction(members, found.velocities, self.margin)) is not None:
                 return size, counterexample(prover, proof, self.margin)
         return most, None
 
-    def at(self, sizes: list[float]) -> UncertainLoads:
-        """The set of loads with pushes of these sizes [N]."""
-        components = np.outer(sizes, np.asarray(self.unit.corners)[1])
-        corners = self.still.corners - np.outer(sizes, self.pushed)
-        pushes = (PushSet(self.unit.frame, components, self.unit.offset),)
-        return replace(self.still, corners=corners, components=components, pushes=pushes)
+    def halved(
+        self, size: float, proof: RobustHold | None, end: float, found: Counterexample | None, parts: int
+    ) -> tuple[float, RobustHold | None, float, Counterexample | None]:
+        """Both ends, nearer to each other by what is proved, or refuted, between them in some parts."""
+        undecided = end
+        for _ in range(_HALVINGS):
+            if undecided - size <= _NEAR * end:
+                break
+            middle = 0.5 * (size + undecided)
+            undecided_before, undecided = undecided, middle
+            with suppress(NoSolution):
+                answer = decided(self.at(middle), self.torques, self.margin, parts)
+                if isinstance(answer, Counterexample):
+                    end, found = middle, answer
+                else:
+                    size, proof, undecided = middle, answer, undecided_before
+        return size, proof, end, found

@@ -148,7 +148,8 @@ class Member(Displayed):
     joints: Mapping[str, float]
 
     def __str__(self) -> str:
-        words = [f"a push of {vector(f, 4)} at {frame}" for frame, f in self.push.items()]
+        moments = {frame: f" and {vector(f[3:], 4)} N m" if len(f) > 3 else "" for frame, f in self.push.items()}
+        words = [f"a push of {vector(f[:3], 4)} N{moments[frame]} at {frame}" for frame, f in self.push.items()]
         words += [f"{link} of {m:.6g} kg" for link, m in self.mass.items()]
         words += [f"the centre of mass of {link} moved by {vector(c, 4)} m" for link, c in self.com.items()]
         words += [f"{joint} at {q:.6g}" for joint, q in self.joints.items()]

@@ -181,8 +181,8 @@ def verify(document: Any) -> tuple[bool, str]:
         more = gap(data, document["proof"], torques, margin)
         return more > 0, f"refuted: the virtual work exceeds what forces and torques can do by {float(more):.3g}"
     slack, left = held(data, document["proof"], torques)
-    words = f"slack {float(slack):.9g} of the margin {float(margin):.9g} N, N m; imbalance {float(left):.3g}"
-    return slack >= margin and left <= balance, f"held: {words} of {float(balance):.3g} allowed"
+    words = f"{float(slack):.9g} N (N m) to each limit, {float(margin):.9g} are claimed; shared torques miss {float(left):.3g}"
+    return slack >= margin and left <= balance, f"held: every member has {words}, of {float(balance):.3g} claimed"
 
 
 def main(arguments: list[str]) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
 from rbd.installation import VERSION
 from rbd.motion.frame_terms import placements
+from rbd.robust import verifier
 from rbd.robust.holding import RobustHold
 from rbd.visual.pages.page import page_template, script_safe, write_page
 from rbd.visual.stills import surface_points
@@ -57,17 +59,20 @@ function member() {
   if (value.friction < 1 - 1e-9) beyond.push("the friction");
   for (const s of D.sliders) if (s.unit && Math.abs(value[s.name]) > 1 + 1e-9) beyond.push(s.label);
   if (beyond.length) return { push, beyond };
-  const f = D.forces[0].map((_, j) => shares.reduce((sum, share, v) => share ?
-    sum + share * (D.forces[v][j] + D.corrections[v].reduce((more, F, i) => more + t[i] * F[j], 0)) : sum, 0));
+  const number = D.parts.findIndex((p) => t.every((x, i) => p.low[i] - 1e-12 <= x && x <= p.high[i] + 1e-12));
+  const { low, high, forces, corrections } = D.parts[number];
+  const u = t.map((x, i) => high[i] > low[i] ? (2 * x - low[i] - high[i]) / (high[i] - low[i]) : 0);
+  const f = forces[0].map((_, j) => shares.reduce((sum, share, v) => share ?
+    sum + share * (forces[v][j] + corrections[v].reduce((more, F, i) => more + u[i] * F[j], 0)) : sum, 0));
   const load = D.motors.map((_, k) => dot(shares, D.loads.map((L) => L[k])) + dot(t, D.columns.map((c) => c[k])));
-  const torque = D.motors.map((row, k) => load[k] - dot(row, f));
+  const torque = D.motors.map((row, k) => D.torque.length ? D.torque[k] + dot(D.gain[k], push) : load[k] - dot(row, f));
   const cones = D.cones.map((c, i) => {
     const side = Math.hypot(f[c[0]], f[c[1]]), most = value.friction * D.friction[i] * f[c[2]];
     return { share: side / most, slack: most - side };
   });
   const ends = torque.flatMap((x, k) => [[x, D.low[k], 1], [x, D.high[k], -1]]).filter((e) => e[1] !== null);
   const slack = Math.min(...cones.map((c) => c.slack), ...ends.map(([x, end, sign]) => sign * (x - end)));
-  return { push, beyond, f, torque, slack, cone: Math.max(...cones.map((c) => c.share)),
+  return { push, beyond, f, torque, slack, number, cone: Math.max(...cones.map((c) => c.share)),
     motor: Math.max(0, ...torque.map((x, k) => x > 0 ? x / (D.high[k] ?? Infinity) : x / (D.low[k] ?? -Infinity))),
     names: D.points.map((p) => ({ name: p.name, force: p.map.map((row) => dot(row, f)), at: p.at })) };
 }
@@ -89,7 +94,8 @@ function draw() {
   const m = member(), out = m.beyond.length > 0, add = (p, f, scale = D.metres) => p.map((x, i) => x + scale * f[i]);
   document.body.className = out ? "beyond" : "";
   document.getElementById("says").textContent = out ? "Beyond the set by " + m.beyond.join(", ") + ": nothing is proved here." :
-    "Held: " + fixed(m.slack, 3) + " N, N m to the nearest limit; proved for all members: " + fixed(D.margin, 3) + ".";
+    "Held: " + fixed(m.slack, 3) + D.unit + " to the nearest limit; proved for all members: " + fixed(D.margin, 3) +
+    (D.parts.length > 1 ? "; part " + (m.number + 1) + " of " + D.parts.length + " of the set." : ".");
   pen.clearRect(0, 0, 620, 620);
   const seen = D.surface.map((p) => [place(p), p[3]]).sort((a, b) => a[0][2] - b[0][2]);
   for (const [[x, y], shade] of seen) {
@@ -100,7 +106,7 @@ function draw() {
   if (D.at) for (const push of D.pushes) {
     const [x, y] = place(add(D.at, push, D.push_metres)); pen.fillStyle = "#b8560f"; pen.fillRect(x - 3, y - 3, 6, 6);
   }
-  const used = out ? [] : [["cones of friction, at most", m.cone], ["torque limits, at most", m.motor]];
+  const used = out ? [] : [["cones of friction, at most", m.cone], ...(D.limited ? [["torque limits, at most", m.motor]] : [])];
   document.getElementById("used").innerHTML = used.map(([name, x]) => "<tr><td>" + name + "<td><span class=bar style='width:" +
     Math.round(120 * Math.min(1, x)) + "px'></span><td>" + (100 * x).toFixed(1) + " %").join("");
   return m;
@@ -128,7 +134,7 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
     `held.verify` is the proof.
 
     Args:
-        held: Of `rbd.robust.hold`, with torques of each member, of one part, at one pose, with forces at one point at most.
+        held: Of `rbd.robust.hold`, at one pose, with forces at one point at most; torques of each member, or shared.
         path: Of the page.
 
     Raises:
@@ -137,10 +143,8 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
     """
     check_kind("held", held, RobustHold, "a RobustHold of rbd.robust.hold")
     loads = held.loads
-    if held.parts != 1 or loads.turns or held.torques != "each" or loads.components.shape[1] not in (0, 3):
-        raise InputError(
-            f"{held}: the page knows proofs of one part, at one pose, with torques='each' and forces at one point at most."
-        )
+    if loads.turns or loads.components.shape[1] not in (0, 3):
+        raise InputError(f"{held}: the page knows proofs at one pose, without joints=, with forces at one point at most.")
     state, robot, sets = loads.state, loads.state.robot, loads.balance.sets
     (R,), (p,) = placements(robot, state.q[None])
     places, light, _ = (x[:: max(len(x) // POINTS, 1)] for x in surface_points(robot, R, p))
@@ -148,6 +152,7 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
     low, high = places.min(axis=0), places.max(axis=0)
     sliders, kinds = _sliders(held)
     motors, limits = robot.actuated, loads.limits
+    limited = bool(np.isfinite(limits).any())
     data = {
         "surface": np.column_stack([places.round(3), shade]).tolist(), "middle": (0.5 * (low + high)).tolist(),
         "scale": 470.0 / float((high - low).max()), "metres": 0.5 * float((high - low).max()) / loads.balance.unit,
@@ -155,19 +160,38 @@ def export_members(held: RobustHold, path: str | os.PathLike[str]) -> Path:
         "push_metres": 0.3 * float((high - low).max()) / max(float(np.linalg.norm(loads.components, axis=1).max()), 1e-9),
         "pushes": loads.components.tolist(), "simplices": _simplices(loads.components),
         "size": 1.0 + float(np.abs(loads.components).max(initial=0.0)),
-        "forces": held.forces.tolist(), "corrections": held.corrections.tolist(),
+        "limited": limited, "unit": " N (N m)" if limited else " N",
+        "parts": list(_parts(held)), "torque": held.torque.tolist(), "gain": held.gain.tolist(),
         "loads": loads.corners[:, motors].tolist(), "columns": loads.columns[:, motors].tolist(),
         "motors": loads.balance.per_weight[motors].tolist(), "cones": sets.cone_columns.tolist(), "friction": sets.mu.tolist(),
         "low": [x if np.isfinite(x) else None for x in np.asarray(limits[0]).tolist()],
         "high": [x if np.isfinite(x) else None for x in np.asarray(limits[1]).tolist()],
         "at": state.frame(loads.pushes[0].frame, loads.pushes[0].offset).X_WF.translation.tolist() if loads.pushes else None,
     }  # fmt: skip
-    title, about = html.escape(f"{robot.name}: every member is held"), html.escape(
-        f"{held} Squares are the corners of the push, at a scale of their own. rbd {VERSION}."
+    title, about = (
+        html.escape(f"{robot.name}: every member is held"),
+        html.escape(f"{held} Squares are the corners of the push, at a scale of their own. rbd {VERSION}."),
     )
     target = Path(os.path.expanduser(path))
     write_page(target, _PAGE.substitute(title=title, about=about, data=script_safe(json.dumps(data))))
     return target
+
+
+def _parts(held: RobustHold) -> Iterator[dict[str, Any]]:
+    """Of each part of the set its numbers' ends, its forces, and its corrections at the upper ends."""
+    n = len(held.loads.columns)
+    left: list[tuple[Any, list[float], list[float]]] = [(held.document["proof"], [-1.0] * n, [1.0] * n)]
+    while left:
+        part, low, high = left.pop()
+        if "split" in part:
+            i, at = part["split"], float(verifier.exact(part["at"]))
+            left += [
+                (part["above"], [*low[:i], at, *low[i + 1 :]], high),
+                (part["below"], low, [*high[:i], at, *high[i + 1 :]]),
+            ]
+        else:
+            floats = {name: np.array(verifier.exact(part[name]), float).tolist() for name in ("forces", "corrections")}
+            yield {"low": low, "high": high} | floats
 
 
 def _points(held: RobustHold) -> list[dict[str, Any]]:

@@ -265,6 +265,67 @@ def test_wrong_answers_and_answers_at_a_border_are_refused():
     assert refused == 62
 
 
+def at_a_limit(robot: rbd.Robot, contacts: list, seed: int, law: str) -> tuple[NotEnclosed, set[tuple[str, int, str, str]]]:
+    """(refusal of a state between two contact modes, what changes there as (contact, number of its part, mode, mode)).
+
+    Torques change so that one foot is pushed aside until it slips, relieved of its load until it opens, or (a sole) turned
+    until it tips; then the change is halved between two enclosed answers of other modes.
+    """
+    rng, standing = np.random.default_rng(seed), robot.standing()
+    q = standing.q.copy()
+    q[7:] += rng.uniform(-0.05, 0.05, len(q) - 7)
+    state, tau, foot = rbd.State(robot, q), rbd.hold(standing, contacts).tau, contacts[rng.integers(len(contacts))]
+    aside, turn = rng.normal(size=(2, 2))
+    load = rbd.solve(state, tau, contacts, law=law).forces[foot.name][:3]
+    wrench = ((*aside, 0, 0, 0, 0), (*-load, 0, 0, 0), (0, 0, 0, *(0.1 * turn), 0))[seed % (2 if len(contacts) == 4 else 3)]
+    change = -robot.mass * G * (state.frame(foot.frame).J.T @ wrench)[robot.actuated] / np.linalg.norm(wrench)
+
+    def modes(s: float) -> dict[str, tuple[str, ...]]:
+        return dict(rbd.solve(state, tau + s * change, contacts, law=law).enclosure().modes)
+
+    low, high = 0.0, 0.005
+    before = modes(low)
+    while (after := modes(high)) == before:
+        low, high = high, high + 0.005 if high < 0.05 else 1.1 * high
+    while low < (middle := 0.5 * (low + high)) < high:
+        try:
+            found = modes(middle)
+        except NotEnclosed as error:
+            both = [(name, i, x, y) for name in before for i, (x, y) in enumerate(zip(before[name], after[name], strict=True))]
+            return error, {each for each in both if each[2] != each[3]}
+        if found == before:
+            low = middle
+        else:
+            high, after = middle, found
+    raise AssertionError(f"{robot.name}, {seed}: two neighbouring doubles have other modes, and both are enclosed")
+
+
+@pytest.mark.parametrize(("name", "count", "laws"), [("solo12", 9, 2), ("talos", 16, 1), ("g1", 16, 1)])
+@pytest.mark.filterwarnings("ignore::rbd.errors.JointLimitWarning", "ignore::rbd.errors.EffortLimitWarning")
+def test_states_between_two_modes_are_refused_with_a_row_that_changes(name, count, laws, exhaustive, record_property):
+    """Fifty of them: points on the edge of their cones, loads near none, slips near none, soles that are about to tip.
+
+    Of soles under the convex law, whose motion is unique: Coulomb's may jump, with both sides far from a limit.
+    """
+    if name != "solo12" and not exhaustive:
+        pytest.skip("in the exhaustive run, as all but one of Solo's")
+    robot = rbd.load_robot(name)
+    contacts = robot.feet(friction=0.7, on=None) if name == "solo12" else robot.soles(friction=0.7, on=None)
+    refused, seed, kinds = 0, 0, set[tuple[str, str]]()
+    while refused < (count * laws if exhaustive else 1):
+        for law in ("convex", "coulomb")[:laws]:
+            try:
+                error, changes = at_a_limit(robot, contacts, seed, law)
+            except NotEnclosed:
+                continue  # one of the states that it begins with is at a limit, too
+            assert (error.constraint, error.row) in {change[:2] for change in changes}
+            assert error.constraint in str(error) and not error.value > error.needed
+            refused, kinds = refused + 1, kinds | {change[2:] for change in changes}
+        seed += 1
+    assert ("sticks", "slips") in kinds and (len(contacts) == 4 or ("sticks", "opens") in kinds)  # points slip before they open
+    record_property("counted", f"{refused} states of {name} at a limit refused, of {sorted(kinds)}, {seed} drawn")
+
+
 def test_a_row_too_near_its_limit_is_named():
     """A mass whose friction is used up, and one with three millionths of a newton left."""
     problem = [rbd.GaussProblem(np.eye(3), np.array([3.0, 0.0, -6.0 * near]), [POINT]) for near in (1.0, 1.0 + 1e-6)]

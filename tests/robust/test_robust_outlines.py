@@ -79,9 +79,11 @@ def test_single_robots_agree_with_the_limits_of_solo12():
 
 
 def test_bad_outlines_are_refused():
-    """A set with a member that falls by itself; a robot without a base; a region without end."""
+    """A set with a member that falls by itself, or that falls wherever another stands; no base; a region without end."""
     with pytest.raises(rbd.CannotHold, match="cannot be held without a push"):
         push_limits(STATE, sole(), "box", (1, 0, 0), com={"box": 0.15})
+    with pytest.raises(rbd.CannotHold, match="no place of the centre of mass"):
+        region(STATE, sole(), com={"box": 0.15})
     with pytest.raises(rbd.errors.FrameNotFound, match="nearest: 'box'"):
         push_limits(STATE, sole(), "bx", (1, 0, 0))
     arm = rbd.load_robot("ur5", root="fixed")
@@ -101,7 +103,7 @@ def test_both_outlines_are_drawn():
     held, axes = hold(state, base, pushes=pushes), Figure().subplots(1, 2)
     assert [text.get_text() for text in limits.plot(axes[0])[0].axes.get_legend().get_texts()] == [
         "every member withstands",
-        "a member does not, beyond",
+        "a member does not withstand more",
     ]
     assert len(places.plot(axes[1])) >= 3
     with rbd.visual.Scene(crate) as scene:

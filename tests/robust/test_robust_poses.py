@@ -9,7 +9,9 @@ import pytest
 
 import rbd
 from rbd.robust import Counterexample, PushSet, RobustHold, hold, verifier
+from rbd.robust.pose_bounds import Taylor, bounds_over_poses
 from rbd.robust.poses import over_poses
+from rbd.robust.sets import middle_of
 from rbd.robust.uncertain_loads import UncertainLoads
 
 
@@ -54,15 +56,17 @@ def test_legs_that_carry_talos_may_move_in_parts_of_their_box(talos, exhaustive)
     swapped = found.document | {"proof": proof | {"below": proof["above"], "above": proof["below"]}}
     with pytest.raises(ValueError, match="another part"):
         verifier.verify(swapped | {"sha256": verifier.digest(swapped)})
-    rng = np.random.default_rng(6)
+    rng, known = np.random.default_rng(6), dict[str, tuple[np.ndarray, ...]]()
     for _ in range(1000 if exhaustive else 6):
         t = rng.choice([-1.0, 1.0], 12) * rng.uniform(0.0, 1.0, 12) ** rng.integers(2)
         pose = posed(talos, state, found.loads.member(0, t).joints)
         part, u = part_of(proof, t)
-        P, radius, S = (floats(x) for x in (part["forces"], part["forces_radius"], [each[1] for each in part["slopes"]]))
+        if (key := str(part["forces"])) not in known:
+            names = ("forces", "forces_radius", "loads", "parameters", "load_radius")
+            known[key] = *[floats(part[name]) for name in names], floats([each[1] for each in part["slopes"]])
+        P, radius, (load, *_), columns, load_radius, S = known[key]
         assert (np.abs(forces_of(found, pose, soles) - P - np.tensordot(u, S, 1)) <= radius).all()
-        load = floats(part["loads"])[0] + u @ floats(part["parameters"])
-        assert (np.abs(pose.h - load) <= floats(part["load_radius"])).all()
+        assert (np.abs(pose.h - load - u @ columns) <= load_radius).all()
 
 
 def floats(x: object) -> np.ndarray:
@@ -123,6 +127,34 @@ def test_the_stated_rounding_holds_what_intervals_say_of_the_file(name):
     off = np.abs(exact.balance.per_weight - loads.balance.per_weight) + (exact.forces_radius - loads.forces_radius)
     assert (off <= loads.forces_radius).all() and off.max() > 1e-3 * loads.forces_radius.max()
     assert (np.abs(exact.corners - loads.corners) + (exact.load_radius - loads.load_radius) <= loads.load_radius).all()
+
+
+@pytest.mark.parametrize("name", ["solo12", "talos"])
+def test_the_stated_rounding_holds_uncertain_masses_and_places_too(name):
+    """Of a load with all its columns and its push: what intervals say each is off by, together, is within its radius."""
+    robot = rbd.load_robot(name)
+    state, trunk = robot.standing(), {"solo12": "base_link", "talos": "torso_2_link"}[name]
+    contacts = robot.feet(friction=0.7) if name == "solo12" else robot.soles(friction=0.7)
+    push = PushSet.box(trunk, (-20, -20, -20), (20, 20, 20), offset=(0.0, 0.1, 0.2))
+    loads = UncertainLoads.of(state, contacts, push, mass=0.05, com={trunk: (0.02, 0.01, 0.03)})
+    joint = next(n for n in robot.joints if robot.model.joints[robot.joint_id(n)].nq == 1)
+    middles = {link: middle_of(robot, link) for link, *_ in loads.links}
+    points = {link: (link, at) for link, at in middles.items()} | {"push": (trunk, np.asarray(push.offset))}
+    widths = {i: half for i, (_, column, _, half) in enumerate(loads.links) if column != i}
+    for i, half in widths.items():
+        points[f"{i}"] = trunk, middles[trunk] + half * np.eye(3)["xyz".index(loads.names[i][0])]
+    bounds = bounds_over_poses(state, around(robot, state, [joint], 0.0), points)
+    g, off = Taylor.fixed(robot.gravity, bounds.reach), np.zeros(robot.nv)
+    for i, (link, column, middle, half) in enumerate(loads.links):
+        if column == i:
+            exact, size = bounds.jacobians[link].T @ g, half
+        else:
+            exact, size = (bounds.jacobians[f"{i}"] - bounds.jacobians[link]).T @ g, middle + loads.links[column][3]
+        off += np.abs(-size * exact.mid - loads.columns[i]) + size * exact.moved
+    for w, corner in zip(loads.components, loads.corners, strict=True):
+        pushed = bounds.gravity - bounds.jacobians["push"].T @ Taylor.fixed(w, bounds.reach)
+        assert (np.abs(pushed.mid - corner) + pushed.moved + off <= loads.load_radius).all()
+    assert off.max() > 1e-4 * loads.load_radius.max()  # and it counts
 
 
 def test_a_pose_that_falls_is_found(talos):

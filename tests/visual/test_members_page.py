@@ -54,8 +54,29 @@ def test_members_of_the_set_keep_the_margin_and_others_are_marked(held: RobustHo
         assert shown == "" and words.startswith("Held: ")
 
 
+@pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")
+def test_parts_and_shared_torques_have_pages(held: RobustHold, browser: Browser, tmp_path: Path):
+    """Each member takes the forces of its part; torques of one for all, or of a law of the push, are those of the proof."""
+    state, feet = held.loads.state, rbd.load_robot("solo12").feet(friction=0.7)
+    crate = rbd.load_robot(Path(__file__).parents[2] / "urdf" / "crate.urdf")
+    base = rbd.SurfaceContact("base", "crate", half_lengths=(0.2, 0.2), friction=0.3)
+    push = {"base_link": [(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)]}
+    proofs = {
+        "parts": hold(crate.at(), [base], com={"crate": (0.15, 0.15, 0.0)}),
+        "one": hold(state, feet, friction=0.5, torques="one"),
+        "affine": hold(state, feet, pushes=push, friction=0.5, torques="affine"),
+    }
+    for name, proof in proofs.items():
+        assert isinstance(proof, RobustHold) and (proof.parts > 1) == (name == "parts")
+        with browser.open(proof.export(tmp_path / f"{name}.html"), width=1100, height=800) as page:
+            worst = page.evaluate(SET)
+            assert proof.margin - 1e-9 < worst["slack"] < proof.margin + 1.0
+            words = page.evaluate("(draw(), document.getElementById('says').textContent)")
+            assert (f" of {proof.parts} of the set." in words) == (name == "parts")
+
+
 def test_other_proofs_have_no_page(held: RobustHold, tmp_path: Path):
-    """One torque for all has no forces of each member."""
-    one = hold(held.loads.state, rbd.load_robot("solo12").feet(friction=0.7), friction=0.5, torques="one")
-    with pytest.raises(rbd.InputError, match="torques='each'"):
-        one.export(tmp_path / "members.html")
+    """A box of poses would need the robot at each of them."""
+    poses = hold(held.loads.state, rbd.load_robot("solo12").feet(friction=0.7), joints={"FL_HFE": (0.79, 0.81)})
+    with pytest.raises(rbd.InputError, match="at one pose, without joints="):
+        poses.export(tmp_path / "members.html")

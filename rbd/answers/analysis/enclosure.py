@@ -191,7 +191,7 @@ class _Enclosing:
         """All of it."""
         nv, z = self._P.nv, np.concatenate([self._answer.a, self._start[self._free]])
         K = self._jacobian(z, np.zeros(len(z)))  # of modes without slips, everywhere
-        R, v = self._inverse(K), None
+        R, v = self._inverse(K, z), None
         for _ in range(2 if self._slips else 1):
             z = z - R @ self._residual(z)[0][0]
         (high, low, rad), y = self._residual(z)
@@ -207,7 +207,7 @@ class _Enclosing:
                 break
             E, v = wide, None
         if v is None:
-            raise self._not_regular(E)
+            raise self._not_regular(E, z)
         moved = Intervals(step.mid, above(step.rad + E @ v, len(z) + 2))
         found = Intervals.exact(z) + moved
         s = Intervals(self._start.copy(), np.zeros(len(self._start)))
@@ -310,14 +310,14 @@ class _Enclosing:
         K.mid[nv:, :nv], K.rad[nv:, :nv] = below.mid, below.rad
         return K
 
-    def _inverse(self, K: Intervals) -> Array:
+    def _inverse(self, K: Intervals, z: Array) -> Array:
         """About the inverse of the midpoints."""
         try:
             R = np.linalg.inv(K.mid)
         except np.linalg.LinAlgError:
             R = np.full(K.shape, np.nan)
         if not np.isfinite(R).all():
-            raise self._not_regular(np.full(K.shape, np.inf))
+            raise self._not_regular(np.full(K.shape, np.inf), z)
         return R
 
     @staticmethod
@@ -404,21 +404,26 @@ class _Enclosing:
                 )  # fmt: skip
         return float((a - given.a).size.max(initial=0.0)), float(off.max(initial=0.0))
 
-    def _not_regular(self, E: Array) -> NotEnclosed:
-        """The error where the system could not be shown to have one zero."""
+    def _not_regular(self, E: Array, z: Array) -> NotEnclosed:
+        """The error where the system could not be shown to have one zero near z."""
         T, nv = self._T, self._P.nv
-        sizes = E.sum(axis=1)
-        i = int(np.nan_to_num(sizes, nan=np.inf).argmax())
-        k = int(self._free[i - nv]) if i >= nv else self._weakest
+        sizes = np.nan_to_num(E.sum(axis=1), nan=np.inf)
+        i = int(sizes.argmax())
+        k, size = int(self._free[i - nv]) if i >= nv else self._weakest, float(sizes[i])
+        contracts = f"the test contracts by {size:.2g}, and less than 1 is needed" if np.isfinite(size) else "the test fails"
+        if self._slips and not np.isfinite(size):  # a slip without a direction
+            t = [self._accelerations(z[:nv])[0][slip.columns] for slip in self._slips]
+            k = self._slips[int(np.argmin(np.linalg.norm(t, axis=1)))].active
+            contracts = f"it slips at {np.linalg.norm(t, axis=1).min():.2g} m/s2"
         if k < 0:
-            return NotEnclosed("the inertia matrix M could not be shown to be regular.", value=1.0, needed=float(sizes[i]))
+            return NotEnclosed("the inertia matrix M could not be shown to be regular.", value=1.0, needed=size)
         e = T.elements[T.element_at[self._at[k]]]
         name = self._P.rows[e.rows].name
         return NotEnclosed(
             f"{name!r}, part {e.number + 1}, {self._modes.words[e]}: its rows are too near to depending on others, or its slip "
-            f"too near to none, to show that there is one motion with these modes: the test contracts by {sizes[i]:.2g}, and "
-            "less than 1 is needed. Leave out redundant rows, or move q, tau or the push a little.",
-            constraint=name, row=e.number, value=-float(sizes[i]), needed=-1.0,
+            f"too near to none, to show that there is one motion with these modes: {contracts}. Leave out redundant rows, or "
+            "move q, tau or the push a little.",
+            constraint=name, row=e.number, value=-size, needed=-1.0,
         )  # fmt: skip
 
     def _force(self, i: int, f: Intervals) -> Intervals:

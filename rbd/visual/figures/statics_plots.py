@@ -74,7 +74,8 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion | RobustRegion, la
         drawn += ax.fill(*_closed(corners), color=color, alpha=0.18 * share, lw=0.0)
         drawn += ax.plot(*_closed(corners), style, color=color, lw=1.8, alpha=0.4 + 0.6 * share, label=name)
         if region.bounded and len(region.outer) and np.abs(region.outer[:, :2].max(axis=0) - corners.max(axis=0)).max() > 1e-6:
-            drawn += ax.plot(*_closed(region.outer[:, :2]), "--", color=color, lw=0.7)
+            label = "a member is not held outside" if isinstance(region, RobustRegion) and not labels else None
+            drawn += ax.plot(*_closed(region.outer[:, :2]), "--", color=color, lw=1.0, label=label)
     state = regions[0].state
     drawn += _contacts(ax, state, [r for region in regions for r in region.loads.rows])
     com = _seen(state, state.com)
@@ -126,7 +127,7 @@ def plot_pushes(ax: Axes, limits: PushLimits | RobustPushLimits) -> list[Artist]
     """Draw the largest pushes from above: a dot at the tip of each, coloured by what gives way, joined where they go round.
 
     Of a robot that is not held without a push, a line along each direction from the smallest push that holds it to the largest.
-    Of a set of robots, what every member withstands as an area, and what one does not withstand dashed.
+    Of a set of robots, what every member withstands as an area; on each direction a dot beyond which a member does not.
 
     Args:
         ax: Matplotlib axes.
@@ -171,13 +172,14 @@ def plot_pushes(ax: Axes, limits: PushLimits | RobustPushLimits) -> list[Artist]
 
 
 def _both_outlines(ax: Axes, limits: RobustPushLimits) -> list[Artist]:
-    """The pushes that every member withstands, and dashed those beyond which one does not."""
+    """The pushes that every member withstands, a convex set, as an area; dots on rays beyond which one does not."""
     order = np.argsort(np.arctan2(limits.directions[:, 1], limits.directions[:, 0]), kind="stable")
-    inner, outer = (_closed((limits.directions[:, :2] * size[:, None])[order]) for size in (limits.inner, limits.outer))
+    inner, outer = ((limits.directions[:, :2] * size[:, None])[order] for size in (limits.inner, limits.outer))
     drawn: list[Artist] = []
-    drawn += ax.fill(*inner, color=PUSH_COLOR, alpha=0.18, lw=0.0)
-    drawn += ax.plot(*inner, "-", color=PUSH_COLOR, lw=1.8, label="every member withstands")
-    drawn += ax.plot(*outer, "--", color=PUSH_COLOR, lw=0.9, label="a member does not, beyond")
+    drawn += ax.fill(*_closed(inner), color=PUSH_COLOR, alpha=0.18, lw=0.0)
+    drawn += ax.plot(*_closed(inner), "-", color=PUSH_COLOR, lw=1.8, label="every member withstands")
+    drawn += ax.plot(*np.stack([inner, outer], axis=1).T, "-", color=PUSH_COLOR, lw=0.7)
+    drawn += ax.plot(*outer.T, "o", color=PUSH_COLOR, mfc="white", ms=4.5, mew=1.0, label="a member does not withstand more")
     ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
     _plane(ax, f"push at {limits.frame} along x [N]", "along y [N]", legend="")
     return drawn

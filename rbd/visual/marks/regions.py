@@ -207,7 +207,7 @@ def name_and_color(one: Drawn) -> tuple[str, str]:
     if isinstance(one, RobustHold):
         return "pushes that are proved to be held", WRENCH_COLOR
     if isinstance(one, RobustRegion):
-        return "region of every member" + (", empty" if one.empty else ""), LIMITED_COLOR
+        return "places where every member is held" + (", empty" if one.empty else ""), LIMITED_COLOR
     if isinstance(one, ContactWrenchCone):
         return "forces through the point", WRENCH_COLOR
     name, color = ("zero-moment points", ZMP_COLOR) if isinstance(one, ZmpRegion) else ("support region", SUPPORT_COLOR)
@@ -236,7 +236,7 @@ def _outer(at: str, corners: Array, color: str, sizes: Sizes) -> Mark:
 
 
 def _robust_pushes(at: str, limits: RobustPushLimits, sizes: Sizes) -> list[Mark]:
-    """The pushes that all members withstand as arrows, and lines round them and round the outer ends."""
+    """The pushes that all members withstand as arrows, a line round their convex set, and balls at outer ends."""
     reach, color = _FARTHEST * sizes.body, name_and_color(limits)[1]
     inner, outer = (
         limits.directions * np.minimum(sizes.metres_per_newton * size, reach)[:, None] for size in (limits.inner, limits.outer)
@@ -246,9 +246,9 @@ def _robust_pushes(at: str, limits: RobustPushLimits, sizes: Sizes) -> list[Mark
     if len(inner) > 2 and rank_of(limits.directions) == 2:
         U = np.linalg.svd(limits.directions)[2][:2]
         order = np.argsort(np.arctan2(*(U @ limits.directions.T)[::-1]), kind="stable")
-        for name, tips, share in (("around", inner, 1.0), ("outer", outer, 0.6)):
-            line = primitives.line(limits.point + tips[order], radius=share * sizes.line, closed=True)
-            marks.append(Mark(f"{at}/{name}", (line,), color, share, seen_through=True))
+        line = primitives.line(limits.point + inner[order], radius=sizes.line, closed=True)
+        marks.append(Mark(f"{at}/around", (line,), color, seen_through=True))
+    marks.append(Mark(f"{at}/outer", (primitives.ball(1.5 * sizes.line, limits.point + outer),), color, 0.6, seen_through=True))
     return marks
 
 
