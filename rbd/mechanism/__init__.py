@@ -5,6 +5,7 @@ from functools import partial as _partial
 from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
+from rbd.mechanism.four_bar_class import FourBarClass
 from rbd.mechanism.frobenius import Integrability, integrability
 from rbd.mechanism.partition import (
     AccelerationPartition,
@@ -29,6 +30,7 @@ __all__ = [
     "Branch",
     "Branches",
     "FoundPose",
+    "FourBarClass",
     "Integrability",
     "Link",
     "Linkage",
