@@ -16,6 +16,7 @@ from rbd.mechanism.partition import (
     link_rates,
     velocity_partition,
 )
+from rbd.mechanism.pins import pin_forces
 from rbd.mechanism.pose_search import FoundPose, find_pose
 from rbd.mechanism.projection import ProjectedAcceleration, project_acceleration, project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
@@ -54,6 +55,7 @@ __all__ = [
     "link_rates",
     "mobility",
     "n_four_bar",
+    "pin_forces",
     "project_acceleration",
     "project_velocity",
     "singularities",

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from rbd.arrays import Array, as_finite
-from rbd.constraints.constraint import Constraint
-from rbd.constraints.loop import LoopClosure
+from rbd.constraints.constraint import Constraint, closes_loop, frames_of, loop_dof
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State, checked
 from rbd.robots.linkage import lengths
 from rbd.robots.standard_linkages import too_long
 
+Pin: TypeAlias = int | tuple[str, ...]
 CHANGE = 1e-9
 """Difference of s + l and p + q, over the sum of all four, up to which they are equal."""
 _BY_SHORTEST = {
@@ -125,12 +125,12 @@ class FourBarPins(NamedTuple):
     """The pins of a four-bar in a robot: ground and input, input and coupler, coupler and output, output and ground.
 
     Attributes:
-        pins: Of each its joint's number, or the closure of the loop.
+        pins: Of each its joint's number, or the two frames that close the loop.
         normal: Of the plane, in W, shape (3,).
-        turned: Whether frame_b of the closure belongs to the bar before it.
+        turned: Whether the second of these frames belongs to the bar before the pin.
     """
 
-    pins: tuple[int | LoopClosure, ...]
+    pins: tuple[Pin, ...]
     normal: Array
     turned: bool
 
@@ -157,12 +157,12 @@ class FourBarPins(NamedTuple):
         one, other = self._places(state, self.pins[1])[1], self._places(state, self.pins[2])[0]
         return np.asarray(0.5 * (one + other))
 
-    def _places(self, state: State, pin: int | LoopClosure) -> tuple[Array, Array]:
+    def _places(self, state: State, pin: Pin) -> tuple[Array, Array]:
         """Where a pin is on the bar before it, and on the bar after it."""
         if isinstance(pin, int):
             place = state.joint_places([pin])[1][0]
             return place, place
-        a, b = (state.frame(name).X_WF.translation for name in (pin.frame_a, pin.frame_b))
+        a, b = (state.frame(name).X_WF.translation for name in pin)
         return (b, a) if self.turned else (a, b)
 
 
@@ -175,11 +175,11 @@ def four_bar_pins(state: State, constraints: Sequence[Constraint], joint: str = 
         joint: The driven joint; "": the first with a motor of those on the ground, else the first.
     """
     robot = checked(state).robot
-    closures = [c for c in constraints if isinstance(c, LoopClosure)]
-    if len(closures) != 1 or closures[0].kind not in ("point", "planar", "revolute"):
+    closures = [c for c in constraints if closes_loop(c)]
+    if len(closures) != 1:
         return None
-    closure, supports = closures[0], robot.model.supports
-    one, other = (list(supports[robot.site(frame)[0]]) for frame in (closure.frame_a, closure.frame_b))
+    frames = frames_of(closures[0])
+    one, other = (list(robot.model.supports[robot.site(frame)[0]]) for frame in frames)
     common = sum(1 for a, b in zip(one, other, strict=False) if a == b)
     before, after = one[common:], other[common:]
     ids = [*before, *after]
@@ -187,9 +187,13 @@ def four_bar_pins(state: State, constraints: Sequence[Constraint], joint: str = 
     if len(ids) != 3 or not all(hinge.nv == 1 and hinge.is_angle for hinge in hinges):
         return None
     axes = state.joint_motion(ids)[2][3:6, [hinge.v.start for hinge in hinges]].T
-    if np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() > 1e-9:
+    carried = closures[0].rows(state).resultant
+    if np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() > 1e-9 or carried is None:
         return None
-    pins: list[int | LoopClosure] = [*before, closure, *reversed(after)]
+    across = carried[:3] - np.outer(axes[0], axes[0] @ carried[:3])  # of a slide in the plane the rank is one
+    if loop_dof(closures[0], state, axes[0]) != 1 or np.linalg.matrix_rank(across, 1e-9) != 2:
+        return None
+    pins: list[Pin] = [*before, frames, *reversed(after)]
     ends = [robot.model.names[pin] if isinstance(pin, int) else "" for pin in (pins[0], pins[-1])]
     driven = joint or next((name for name in ends if name in robot.actuated_names), ends[0] or ends[1])
     if driven not in ends:
