@@ -1644,6 +1644,9 @@ CASES |= {
     ),
     "motion.find_timing": Case(lambda **given: [(x := rbd.motion.find_timing(**given)).s, x.t, x.pace, x.rise], TIMED, 20),
     "motion.retimed": Case(lambda **given: use_motion(rbd.motion.retimed(**given)), TIMED, 20),
+    "mechanism.pin_forces": Case(
+        lambda **given: list(rbd.mechanism.pin_forces(**given).values()), {"solution": rbd.solve(BARS.at("assembled"), [0.0])}
+    ),
     "visual.plot_trace": Case(
         lambda **given: use_plots(rbd.visual.plot_trace, **given),
         {"axes": Figure().subplots(2, 2), "trace": FOUR_BAR_TRACE, "frame": "coupler", "offset": (0.1, 0.0, 0.0)},
