@@ -337,14 +337,21 @@ def _array(x: Array) -> str:
 def _sequence(value: Sequence[Any], short: bool) -> str:
     if not value:
         return "none"
-    if short and all(isinstance(x, int | float | str | Enum) for x in value):
+    if short and all(isinstance(x, int | float | str | Enum) or _symbolic(x) for x in value):
         return ", ".join(words(x) for x in value)
     named = [x.name for x in value if isinstance(getattr(x, "name", None), str)]
     kinds = joined(dict.fromkeys(type(x).__name__ for x in value), 3)
     return joined(named) if len(named) == len(value) else f"{len(value)} of {kinds}"
 
 
+def _symbolic(value: object) -> bool:
+    """Whether it is SymPy's, whose text says more than the name of its class: 1/2 is a Half."""
+    return str(type(value).__module__).startswith("sympy.")
+
+
 def _object(value: Any) -> str:
+    if _symbolic(value):
+        return str(value).split("\n", 1)[0]
     if isinstance(name := getattr(value, "name", None), str):
         return f"{type(value).__name__} {name}"
     if callable(value) and hasattr(value, "__qualname__"):
@@ -353,4 +360,4 @@ def _object(value: Any) -> str:
     written = "__create_fn__" in getattr(kind.__repr__, "__qualname__", "") or hasattr(kind.__repr__, "__wrapped__")
     if own == "rbd" and is_dataclass(value) and kind.__str__ is object.__str__ and written:
         return kind.__name__  # what dataclasses write has all numbers of all arrays
-    return str(value).split("\n", 1)[0] if own in ("rbd", "sympy", "builtins") else kind.__name__
+    return str(value).split("\n", 1)[0] if own in ("rbd", "builtins") else kind.__name__

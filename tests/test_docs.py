@@ -108,7 +108,7 @@ def test_every_reference_is_in_the_bibliography():
     assert len(keys) == len(set(keys))
     cited = set()
     for file in [*PAGES, TOP / "README.md", *(TOP / "rbd").rglob("*.py")]:
-        cited |= set(re.findall(r"\[([A-Z][A-Za-z]+(?:\d{4}|Motion))\]", file.read_text(encoding="utf-8")))
+        cited |= set(re.findall(r"\[([A-Z][A-Za-z]+(?:\d{4}|Motion|Multiplier))\]", file.read_text(encoding="utf-8")))
     assert cited == set(keys)
 
 

@@ -1625,6 +1625,10 @@ TIMED = {"motion": SWING, "contacts": None, "fastest": 1.5, "start": 1.0, "end":
 TIMED |= {"speed_limits": True, "threshold": 0.02}
 
 
+BARS = rbd.mechanism.four_bar(1.0, 3.0, 2.5, 3.0)
+FOUR_BAR_TRACE = rbd.mechanism.trace(BARS.at("assembled"), joint="crank_joint", values=(0.0, 0.5), steps=3)
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -1641,6 +1645,17 @@ CASES |= {
     ),
     "motion.find_timing": Case(lambda **given: [(x := rbd.motion.find_timing(**given)).s, x.t, x.pace, x.rise], TIMED, 20),
     "motion.retimed": Case(lambda **given: use_motion(rbd.motion.retimed(**given)), TIMED, 20),
+    "mechanism.pin_forces": Case(
+        lambda **given: list(rbd.mechanism.pin_forces(**given).values()), {"solution": rbd.solve(BARS.at("assembled"), [0.0])}
+    ),
+    "visual.plot_trace": Case(
+        lambda **given: use_plots(rbd.visual.plot_trace, **given),
+        {"axes": Figure().subplots(2, 2), "trace": FOUR_BAR_TRACE, "frame": "coupler", "offset": (0.1, 0.0, 0.0)},
+        10,
+    ),
+    "mechanism.FourBarClass": Case(
+        lambda **given: rbd.mechanism.FourBarClass(**given).excess, {"input": 1.0, "coupler": 3.0, "output": 2.5, "ground": 3.0}
+    ),
     "visual.plot_timing": Case(
         lambda **given: use_plots(plot_timing, **given),
         {"ax": Figure().subplots(), "timing": rbd.motion.find_timing(**TIMED)},

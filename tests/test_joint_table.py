@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import rbd
 from rbd.errors import DuplicateName, InputError, JointNotFound
+from rbd.model.joint_table import Joints
 
 SOLO = rbd.load_robot("solo12")
 PANDA = rbd.load_robot("panda", root="fixed", passive=["panda_joint7"])
@@ -97,3 +99,27 @@ def test_names_that_nothing_has_are_refused_with_the_nearest() -> None:
             state.with_joint_velocities(values)
     with pytest.raises(JointNotFound, match="FL_KFE"):
         state.with_joint_velocities({"FL_KFF": 1.0})
+
+
+def test_joints_are_named_by_what_they_do() -> None:
+    """URDF's words and the axis: of a built robot as it was built, of Pinocchio's other joints by their kinds."""
+    models = {
+        "revolute about -y": pin.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])),
+        "revolute about (0, 0.6, 0.8)": pin.JointModelRevoluteUnaligned(np.array([0.0, 0.6, 0.8])),
+        "continuous about z": pin.JointModelRUBZ(),
+        "prismatic along x": pin.JointModelPX(),
+        "helical about z": pin.JointModelHZ(0.1),
+        "planar": pin.JointModelPlanar(),
+        "spherical": pin.JointModelSpherical(),
+        "floating": pin.JointModelFreeFlyer(),
+        "translation along x, y, z": pin.JointModelTranslation(),
+    }
+    chain = pin.Model()
+    for name, joint in models.items():
+        chain.addJoint(chain.njoints - 1, joint, pin.SE3.Random(), name)
+    both = pin.JointModelComposite(pin.JointModelRX())
+    both.addJoint(pin.JointModelPY(), pin.SE3.Identity())
+    chain.addJoint(chain.njoints - 1, both, pin.SE3.Identity(), "revolute about x, then prismatic along y")
+    for name, joint in Joints(chain, "chain").items():
+        assert joint.words == name
+    assert rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0).joints["crank_joint"].words == "continuous about -y"

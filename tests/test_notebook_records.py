@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 import test_copies
 from copied import instances
 
@@ -239,3 +240,13 @@ def test_an_empty_scene_says_so(talos: rbd.Robot) -> None:
     """And starts no browser."""
     with rbd.visual.Scene(talos) as scene:
         assert "call scene.show" in html_of(scene)
+        assert repr(scene) == "Scene(talos: the scene is empty; call scene.show(state, solution) first)"
+
+
+def test_counts_and_halves_are_written_as_they_are_read() -> None:
+    """One motor is no "motors"; numbers of SymPy are numbers, not the names of their classes; a joint table is the table."""
+    bars = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+    assert printed(bars).startswith("four_bar: 1 motor, 3 degrees of freedom, 7.00 kg, fixed base")
+    half, g = sympy.Rational(1, 2), sympy.Symbol("g")
+    assert words(half) == "1/2" and words((half, 2 * g)) == "1/2, 2*g" and words(g) == "g"
+    assert "continuous about -y" in html_of(bars.joints) and html_of(bars.joints).count("<strong>3 joints of four_bar<") == 1

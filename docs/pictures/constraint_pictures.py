@@ -21,6 +21,7 @@ def pictures() -> Iterator[Path]:
     yield four_bar_loop()
     yield unicycle_from_above()
     yield four_bar_singular()
+    yield four_bar_turn()
     yield driven_four_bar()
 
 
@@ -123,6 +124,15 @@ def four_bar_singular() -> Path:
     )
     frame(plot, "both")
     return _save(figure, "four_bar_singular")
+
+
+def four_bar_turn() -> Path:
+    """Angles, rates, transmission angle and a coupler curve over a turn of link 1."""
+    bars = rbd.mechanism.four_bar(0.4, 1.2, 0.8, 1.0)
+    turn = rbd.mechanism.trace(bars.at("assembled"), joint="crank_joint", values=(0.0, 2.0 * np.pi), steps=360)
+    figure = Figure(figsize=(9.2, 6.8), layout="constrained")
+    turn.plot(figure.subplots(2, 2), frame="coupler", offset=(0.6, 0.0, 0.3))
+    return _save(figure, "four_bar_turn")
 
 
 def driven_four_bar() -> Path:

@@ -5,6 +5,7 @@ from functools import partial as _partial
 from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
+from rbd.mechanism.four_bar_class import FourBarClass
 from rbd.mechanism.frobenius import Integrability, integrability
 from rbd.mechanism.partition import (
     AccelerationPartition,
@@ -15,6 +16,7 @@ from rbd.mechanism.partition import (
     link_rates,
     velocity_partition,
 )
+from rbd.mechanism.pins import pin_forces
 from rbd.mechanism.pose_search import FoundPose, find_pose
 from rbd.mechanism.projection import ProjectedAcceleration, project_acceleration, project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
@@ -29,6 +31,7 @@ __all__ = [
     "Branch",
     "Branches",
     "FoundPose",
+    "FourBarClass",
     "Integrability",
     "Link",
     "Linkage",
@@ -52,6 +55,7 @@ __all__ = [
     "link_rates",
     "mobility",
     "n_four_bar",
+    "pin_forces",
     "project_acceleration",
     "project_velocity",
     "singularities",

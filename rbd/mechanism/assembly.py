@@ -23,9 +23,10 @@ from rbd.mechanism.constraint_error import (
     position_residual,
 )
 from rbd.mechanism.idle import told
-from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, draw, joints_in_words
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, draw, joints_in_words, moved_in_words
 from rbd.model.state import State, checked
 from rbd.problem.rows import Rows
+from rbd.records import counted
 
 TOLERANCE = 1e-12
 STARTS = 24
@@ -69,8 +70,8 @@ class Assembly(Displayed):
 
     def __str__(self) -> str:
         lines = [
-            f"assembled to {self.residual:.1e} in {self.iterations} steps, {self.moved:.4g} from the start; "
-            f"{self.dof} degree{'s' * (self.dof != 1)} of freedom left"
+            f"assembled to {self.residual:.1e} in {counted(self.iterations, 'step')}, "
+            f"{moved_in_words(self.state.robot, self.moved)}; {counted(self.dof, 'degree')} of freedom left"
         ]
         lines += [f"  not asked: {why}" for why in self.skipped]
         lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
@@ -134,8 +135,8 @@ def assemble(
     moved = float(np.linalg.norm(displacement(robot, q0, end.q)))
     if moved > within:
         raise CannotAssemble(
-            f"{robot.name} closes, but {moved:.4g} from the start [rad, m], and at most {within:g} is allowed: the start is "
-            "too far away, or this is another branch. Give a nearer one; see rbd.mechanism.branches for all branches.",
+            f"{robot.name} closes, but {moved_in_words(robot, moved)}, and at most {within:g} is allowed: the start is too "
+            "far away, or this is another branch. Give a nearer one; see rbd.mechanism.branches for all branches.",
             q=end.q,
             elsewhere=end.q,
         )

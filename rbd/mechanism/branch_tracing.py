@@ -4,23 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rbd.arrays import Array, as_finite, check_flag, check_positive, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.descent import descend
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent
 from rbd.mechanism.constraint_error import Closure
 from rbd.mechanism.continuation import ArcStep, Drive, Point, PoseCurve
+from rbd.mechanism.four_bar_class import four_bar_pins
 from rbd.mechanism.idle import told
-from rbd.mechanism.poses import LimitViolation, beyond_limits, distance, measured
-from rbd.model.checked_model import FARTHEST
+from rbd.mechanism.poses import LimitViolation, beyond_limits, distance, measured, moved_in_words
+from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.joints import ANGLE
 from rbd.model.state import State, checked
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+_AT_REST = 1e-6
+"""Rate of the driven joint along the curve, over that of all joints, below which it turns back."""
 ARRIVED = 1e-9
 """Distance within which the driven joint counts as at a value, or at a limit [rad, m]."""
 
@@ -101,16 +109,24 @@ def _found(motion: DrivenMotion, moved: float) -> Trace:
     values = np.array([value for value, _ in motion.samples])
     least, condition = np.empty(len(values)), np.empty(len(values))
     beyond: dict[str, LimitViolation] = {}
+    closure = motion.curve.closure
+    scale, rates = closure.scale, np.zeros((len(values), closure.robot.nv))
     for i, (_, p) in enumerate(motion.samples):
         J2 = p.at.J[:, motion.drive.others]
         s = np.linalg.svd(J2, compute_uv=False) if J2.size else np.ones(1)
         least[i] = s[-1] if len(s) >= J2.shape[1] else 0.0
         condition[i] = s[0] / least[i] if least[i] > 0.0 else np.inf
-        beyond |= {x.joint: x for x in beyond_limits(motion.curve.closure.robot, p.q) if x.joint not in beyond}
+        speed = motion.drive.rate(p) * scale[motion.drive.column]
+        defined = abs(motion.drive.rate(p)) > _AT_REST and not p.singular
+        rates[i, closure.free] = p.tangent * scale / speed if defined else np.nan
+        beyond |= {x.joint: x for x in beyond_limits(closure.robot, p.q) if x.joint not in beyond}
     return Trace(
+        closure.robot,
+        tuple(closure.constraints or ()),
         motion.drive.joint,
         values,
         np.array([p.q for _, p in motion.samples]),
+        rates,
         np.array([p.at.residual for _, p in motion.samples]),
         least,
         condition,
@@ -123,7 +139,7 @@ def _found(motion: DrivenMotion, moved: float) -> Trace:
         moved,
         motion.curve.steps,
         motion.drive.place.unit,
-        told(motion.curve.closure.idle or []),
+        told(closure.idle or []),
     )
 
 
@@ -340,14 +356,17 @@ class Bifurcation:
     sigma: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trace(Displayed):
     """Poses of a mechanism while one joint is driven, in order, with the limits and singular poses that it passes.
 
     Attributes:
+        robot: The mechanism.
+        constraints: Those that hold.
         joint: The driven joint.
         input: Its values, shape (n,) [rad, m]; a continuous joint's are not wrapped.
         q: Poses, shape (n, nq).
+        rates: Velocities over that of the driven joint, dv/d(input), shape (n, nv); NaN where J2 is singular, as at a limit.
         residual: Largest entry of the errors, shape (n,) [m, rad].
         sigma_min: Least singular value of J2, the columns of all other free joints, shape (n,).
         condition: Condition number of J2, shape (n,); inf where it is singular.
@@ -367,11 +386,17 @@ class Trace(Displayed):
         >>> path = rbd.mechanism.trace(robot.at("assembled"), joint="crank_joint", values=(1.0, 3.0), steps=20)
         >>> path.complete, path.q.shape, [round(limit.value, 4) for limit in path.limits]
         (False, (10, 6), [1.8235])
+        >>> state = path.states[3]  # while the crank turns at 1 rad/s
+        >>> round(state.t, 4), round(rbd.mechanism.link_rates(state)["rocker"], 4)
+        (0.3, 0.9861)
     """
 
+    robot: CheckedModel
+    constraints: tuple[Constraint, ...]
     joint: str
     input: Array
     q: Array
+    rates: Array
     residual: Array
     sigma_min: Array
     condition: Array
@@ -394,17 +419,58 @@ class Trace(Displayed):
         """Whether every requested value was reached."""
         return not len(self.unreached)
 
+    @property
+    def t(self) -> Array:
+        """Times of the poses while the driven joint moves at 1 rad/s, or 1 m/s, to and fro as it turns back, shape (n,) [s]."""
+        return np.r_[0.0, np.cumsum(np.abs(np.diff(self.input)))]
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The poses as states at the times `t`, moving as the driven joint does; at rest where J2 is singular."""
+        way = np.sign(np.gradient(self.input))[:, None] if len(self) > 1 else np.ones((1, 1))
+        v = np.where(np.isfinite(self.rates), way * self.rates, 0.0)
+        return tuple(State(self.robot, *at, t=float(t)) for *at, t in zip(self.q, v, self.t, strict=True))
+
+    @property
+    def transmission_angle(self) -> Array:
+        """Of a planar four-bar, the angle between coupler and output at their pin, shape (n,) [rad], in [0, pi].
+
+        Raises:
+            InputError: it is no four-bar, or the driven joint is none of its two on the ground.
+        """
+        pins = four_bar_pins(self.states[0], self.constraints, self.joint)
+        if pins is None:
+            raise InputError(
+                f"{self.robot.name}, driven by {self.joint!r:.80}, has no transmission angle; expected one loop of four hinges "
+                "with parallel axes, driven at the ground."
+            )
+        return np.array([pins.transmission_angle(state) for state in self.states])
+
+    def points(self, frame: str, offset: Sequence[float] | Array = (0.0, 0.0, 0.0)) -> Array:
+        """Positions of a point of a link in W, shape (n, 3) [m]: of a coupler's, its coupler curve.
+
+        Args:
+            frame: A frame of the robot.
+            offset: The point from its origin, in its axes [m].
+        """
+        return np.array([state.frame(frame, offset).X_WF.translation for state in self.states])
+
+    def plot(self, axes: Axes | Sequence[Axes] | None = None, **options: Any) -> list[Artist]:
+        """Angles, rates, transmission angle and coupler curve over the driven joint; see `rbd.visual.plot_trace`."""
+        return drawing("plot_trace")(axes, self, **options)
+
     def __str__(self) -> str:
         def told(value: float) -> str:
             return measured(value, self.unit)
 
         worst = int(np.argmin(self.sigma_min))
-        start = f"; its first pose is {self.moved:.3g} [rad, m] from the start" if self.moved > 0.1 else ""
         lines = [
             f"{self.joint} from {told(self.input[0])} to {told(self.input[-1])}: {len(self)} poses, each closed to "
-            f"{self.residual.max():.0e} m or rad{start}",
+            f"{self.residual.max():.0e} m or rad",
             f"  nearest to singular at {told(self.input[worst])}: least singular value of J2 {self.sigma_min[worst]:.3g}",
         ]
+        if self.moved > 0.1:
+            lines.append(f"  its first pose is {moved_in_words(self.robot, self.moved)}")
         lines += [f"  limit: {'at most' if x.greatest else 'at least'} {told(x.value)}" for x in self.limits[:_SHOWN]]
         lines += [f"  passes a singular pose at {told(crossing.value)}: branches meet" for crossing in self.crossings[:_SHOWN]]
         more = max(0, len(self.limits) - _SHOWN) + max(0, len(self.crossings) - _SHOWN)

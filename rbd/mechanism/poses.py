@@ -44,6 +44,12 @@ def measured(value: float, unit: str) -> str:
     return f"{round(math.degrees(value), 2) + 0.0:.2f} deg" if unit == ANGLE else f"{value + 0.0:.5g} {unit}"
 
 
+def moved_in_words(robot: CheckedModel, moved: float) -> str:
+    """How far a pose is from the start, the norm of the joints' displacements, with its unit."""
+    units = " and ".join(dict.fromkeys(c.unit for c in robot.joints.velocities))
+    return f"{moved:.4g} {units} from the start, over all joints (root of the sum of squares)"
+
+
 def joints_in_words(robot: CheckedModel, q: Array, without: Collection[str] = ()) -> tuple[str, ...]:
     """Each joint with its angle in degrees or its displacement, such as "coupler_joint -19.70 deg".
 

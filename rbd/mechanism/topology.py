@@ -14,6 +14,7 @@ from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_sp
 from rbd.displayed import Displayed
 from rbd.errors.inputs import listed_items
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
+from rbd.mechanism.four_bar_class import FourBarClass, four_bar_pins
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 from rbd.model.state import State, checked
@@ -87,12 +88,14 @@ class MechanismClass(Displayed):
         floating: Whether the file's robot floats.
         end_points: The end points requested.
         q: The configuration that was examined, or None.
+        four_bar: Its class by Grashof's condition, of a planar four-bar alone; None of all others. The input is the bar on the
+            ground with a motor.
 
     Example:
-        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 2.5, 3.0)
         >>> found = rbd.mechanism.classify(robot.at("assembled"))
-        >>> found.kind, found.loops, found.bodies, found.mobility
-        ('parallel', 1, 3, 1)
+        >>> found.kind, found.loops, found.bodies, found.mobility, found.four_bar.kind
+        ('parallel', 1, 3, 1, 'crank-rocker')
     """
 
     name: str
@@ -106,6 +109,7 @@ class MechanismClass(Displayed):
     floating: bool
     end_points: tuple[EndPoint, ...]
     q: Array | None
+    four_bar: FourBarClass | None = None
 
     @property
     def closed(self) -> bool:
@@ -126,6 +130,8 @@ class MechanismClass(Displayed):
             lines.append(f"Mobility {self.mobility}: no constraint removes any.")
         else:
             lines.append(f"Mobility {self.mobility}: constraints remove {self.degrees_of_freedom - self.mobility}.")
+        if self.four_bar is not None:
+            lines.append(f"As a four-bar it is a {self.four_bar}.")
         return "\n".join([*lines, *(str(end)[0].upper() + str(end)[1:] + "." for end in self.end_points)])
 
 
@@ -176,12 +182,13 @@ def classify(
     looked = _configurations(held, seed)
     mobility = min((null_space(p.A, ROUGH)[0].shape[1] for p in looked), default=None)
     ends = tuple(_end_point(held, looked, frame, graph) for frame in frames if looked)
+    pins = four_bar_pins(state, held.constraints)
     links = ("", *body_names(robot))
     base = GROUND if graph.base == 0 else links[graph.base]
     leaves = [j for j in range(1, robot.model.njoints) if j not in set(robot.model.parents.tolist()[1:])]
     return MechanismClass(
         robot.name, graph.kind, graph.loops, base, tuple(links[j] for j in leaves), robot.model.njoints - 1, robot.nv,
-        mobility, robot.floating, ends, looked[0].q if looked else None,
+        mobility, robot.floating, ends, looked[0].q if looked else None, pins and pins.classified(state),
     )  # fmt: skip
 
 

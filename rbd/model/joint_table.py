@@ -64,6 +64,9 @@ class Joints(Mapping[str, Joint], Displayed):
         return self._joints.get(name, default) if isinstance(name, str) else default
 
     def __repr__(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
         rows = [joint._cells() for joint in self.values()]
         widths = [max(len(row[k]) for row in rows) for k in range(7)] if rows else []
         lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -98,6 +98,16 @@ _TURN = [("qx", PURE), ("qy", PURE), ("qz", PURE), ("qw", PURE)]
 _CIRCLE = [("cos", PURE), ("sin", PURE)]
 _PLACE = [("x", LENGTH), ("y", LENGTH), ("z", LENGTH)]
 
+_SEVERAL = {
+    "FreeFlyer": "floating",
+    "Planar": "planar",
+    "Spherical": "spherical",
+    "SphericalZYX": "spherical, by angles about z, y, x",
+    "Translation": "translation along x, y, z",
+    "Universal": "universal",
+}
+"""{Pinocchio's kind: its name}, of joints with several degrees of freedom."""
+
 _Labels = Sequence[tuple[str, str]]
 _WHOLE: dict[str, tuple[_Labels, _Labels]] = {
     "JointModelFreeFlyer": (_PLACE + _TURN, _BODY_V),
@@ -283,15 +293,23 @@ class Joint(Displayed):
     def __repr__(self) -> str:
         return f"Joint({self.name!r}, {', '.join(filter(None, self._cells()[1:]))})"
 
+    @property
+    def words(self) -> str:
+        """What it does, in URDF's words where it has them: "revolute about z", "prismatic along (0.6, 0, 0.8)", "floating".
+
+        Axes are those of its own frame; "continuous" is a hinge without limits.
+        """
+        return _words(self._model.joints[self.id], pin.neutral(self._model))
+
     def _cells(self) -> tuple[str, ...]:
-        """Row of the printed table: name, kind, places, unit, limits."""
+        """Row of the printed table: name, what it does, places, unit, limits."""
         places = [f"{what}[{p.start}]" if n == 1 else f"{what}[{p.start}:{p.stop}]" for what, p, n in (
             ("q", self.q, self.nq), ("v", self.v, self.nv)
         )]  # fmt: skip
         bounded = math.isfinite(self.lower) or math.isfinite(self.upper)
         bounds = f"{self.lower:.4g} to {self.upper:.4g}" if bounded else ""
         effort = f"at most {self.effort:.4g} {FORCE_OF[self.unit]}" if math.isfinite(self.effort) else ""
-        return self.name, self.kind, *places, self.unit, bounds, effort
+        return self.name, self.words, *places, self.unit, bounds, effort
 
 
 def joint_of(model: pin.Model, i: int, name: str) -> Joint:
@@ -304,6 +322,24 @@ def joint_of(model: pin.Model, i: int, name: str) -> Joint:
     q, v = slice(made.idx_q, made.idx_q + made.nq), slice(made.idx_v, made.idx_v + made.nv)
     kind = made.shortname().removeprefix("JointModel")
     return Joint(name, i, kind, q, v, tuple(_pieces(made)), positions, velocities, model)
+
+
+def _words(joint: pin.JointModel, q: Array) -> str:
+    """What a joint does, in words."""
+    kind = joint.shortname().removeprefix("JointModel")
+    if kind == "Composite":
+        return ", then ".join(_words(part, q) for part in joint.extract().joints)
+    if joint.nv != 1 or kind == "Mimic":
+        return _SEVERAL.get(kind, kind)
+    data = joint.createData()
+    joint.calc(data, q)
+    along, about = np.split(np.asarray(data.S, float).reshape(6), 2)
+    axis = about if about.any() else along
+    named = [f"{'-' if x < 0.0 else ''}{name}" for x, name in zip(axis, "xyz", strict=True) if abs(abs(x) - 1.0) < 1e-12]
+    told = named[0] if named else f"({', '.join(f'{x + 0.0:.4g}' for x in axis)})"
+    if not about.any():
+        return f"prismatic along {told}"
+    return f"{'helical' if along.any() else 'continuous' if joint.nq > 1 else 'revolute'} about {told}"
 
 
 def _pieces(joint: pin.JointModel) -> list[Piece]:

@@ -30,11 +30,13 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 import sympy
 
-from rbd.arrays import Array
+from rbd.arrays import Array, as_array, as_finite, max_abs
+from rbd.constraints.function import NODES, ROUGH, STEPS
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar import expressions
 from rbd.planar.angles import JOINT, Symbols
+from rbd.problem.difference_kernel import judged
 
 EXAMPLE = "jacobian([x**2 * y, 5*x + sympy.sin(y)], [x, y])"
 Value = TypeVar("Value", Symbols, Array)
@@ -116,19 +118,25 @@ def total(vectors: list[Symbols]) -> Symbols:
     return sympy.ImmutableMatrix([sympy.Add(*(vector[axis] for vector in vectors)) for axis in range(2)])
 
 
-def jacobian(f: Any, x: Any) -> Symbols:
-    """All first partial derivatives of a vector function: J[i, j] = d f_i / d x_j.
+def jacobian(f: Any, x: Any) -> Symbols | Array:
+    """All first partial derivatives of a vector function: J[i, j] = d f_i / d x_j, in symbols or in numbers, as x is.
+
+    Of numbers, by central differences of sixth order: (f(x + h e) - f(x - h e)) / 2h with two further pairs of nodes. The step
+    h starts at 0.01 max(1, |x_j|) and shrinks until fourth and sixth order agree. Of a smooth f the error is below 1e-10 of the
+    largest entry of f and J; if the orders stay apart by more than 1e-6, as at a kink, f is refused.
 
     Args:
         f: One expression, a list, a row or column matrix of them; or a Python function that returns one of these, called with
-            the variables one by one.
+            the variables one by one. With numbers as x: a function of one array (n,), that returns a number or m numbers.
         x: One variable, or several: symbols, functions of time (dynamicsymbols) or their derivatives. Time itself may be one.
+            Or numbers, shape (n,): where the derivatives are taken.
 
     Returns:
-        Shape (number of functions, number of variables), not simplified.
+        Shape (number of functions, number of variables), not simplified; an array of that shape where x is numbers.
 
     Raises:
-        InputError: on invalid or repeated variables, on objects that are not expressions, or a function that fails on symbols.
+        InputError: on invalid or repeated variables, on objects that are not expressions, or a function that fails, or that has
+            no derivative where x is.
 
     Source: [Duarte2021], "Jacobian matrix" and problem 6.
 
@@ -139,11 +147,63 @@ def jacobian(f: Any, x: Any) -> Symbols:
         Matrix([
         [2*x*y,   x**2],
         [    5, cos(y)]])
+        >>> rbd.planar.jacobian(lambda x: [x[0] ** 2 * x[1], 5 * x[0] + np.sin(x[1])], [2.0, 0.0]).round(9)
+        array([[0., 4.],
+               [5., 1.]])
     """
+    function = isinstance(f, sympy.Lambda) or (callable(f) and not isinstance(f, sympy.Expr))
+    if function and not isinstance(f, sympy.Lambda) and _numbers(x):
+        return _by_differences(f, as_finite("x", x, ("n",), meaning=", one entry a variable"))
     variables = _variables(x)
-    if isinstance(f, sympy.Lambda) or (callable(f) and not isinstance(f, sympy.Expr)):
+    if function:
         f = _called(f, variables)
     return sympy.ImmutableMatrix([[row.diff(variable) for variable in variables] for row in _expressions(f)])
+
+
+def _numbers(x: Any) -> bool:
+    """Whether x is an array or a list of Python's or NumPy's numbers."""
+    if isinstance(x, np.ndarray):
+        return x.dtype.kind in "iuf" and x.size > 0
+    return isinstance(x, list | tuple) and len(x) > 0 and all(isinstance(each, int | float | np.number) for each in x)
+
+
+def _by_differences(f: Callable[[Array], Any], x: Array) -> Array:
+    """J of a function of numbers, shape (m, n), by the differences that `FunctionConstraint` takes."""
+
+    def value(at: Array, m: int | None = None) -> Array:
+        try:
+            out = f(at.copy())
+        except Exception as error:
+            raise InputError(
+                f"the function failed at x = {np.array2string(at, threshold=6)}: {type(error).__name__}: {error!s:.120}. "
+                "Expected a function of one array; of one that takes numbers one by one, give lambda x: f(*x)."
+            ) from error
+        out = np.atleast_1d(as_array("the function's value", out))
+        if out.ndim != 1 or not len(out) or (m is not None and len(out) != m):
+            raise InputError(
+                f"the function's value has shape {out.shape}; expected {'a number, or (m,)' if m is None else (m,)}."
+            )
+        return out
+
+    middle = value(x)
+    if not np.isfinite(middle).all():
+        raise InputError(f"the function is {np.array2string(middle, threshold=6)} at x; expected finite numbers.")
+    n, m = len(x), len(middle)
+    units, left, size, found = np.maximum(1.0, np.abs(x)), np.arange(n), 0.0, np.ones((n, m + 2))
+    found[:, m] = np.inf
+    for k in range(len(STEPS)):
+        ways = np.eye(n)[left, None] * units * STEPS[k] * np.array(NODES)[:, None]
+        moved = np.array([[value(x + way, m) for way in each] for each in ways])[:, None]
+        left, size = judged(moved, middle, STEPS[k : k + 1], left, n, size, found)
+        if not len(left):
+            break
+    apart = found[:, m] / np.maximum(found[:, m + 1], max_abs(found[:, :m].ravel()))
+    if not apart.max() <= ROUGH:
+        raise InputError(
+            f"the function has no derivative by x[{int(apart.argmax())}] that differences can find (two orders are apart by "
+            f"{min(apart.max(), 1.0):.1g}, expected {ROUGH:g}): a kink, a jump, noise, or the end of where it is defined?"
+        )
+    return np.asarray((found[:, :m] / units[:, None]).T)
 
 
 def _variables(x: Any) -> list[sympy.Expr]:
@@ -164,7 +224,8 @@ def _called(f: Callable[..., Any], variables: list[sympy.Expr]) -> Any:
     except Exception as error:
         raise InputError(
             f"the function failed on the symbols {', '.join(map(str, variables))}: {type(error).__name__}: {error!s:.120}. "
-            f"Expected one argument per variable, and SymPy's functions in it (sympy.sin, not math.sin or numpy.sin)."
+            f"Expected one argument per variable, and SymPy's functions in it (sympy.sin, not math.sin or numpy.sin); or give "
+            "numbers for x."
         ) from error
 
 

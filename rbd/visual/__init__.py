@@ -3,6 +3,7 @@
 from functools import partial as _partial
 
 from rbd.modules import submodule as _submodule
+from rbd.visual.figures.mechanism_plots import plot_trace
 from rbd.visual.figures.plan_plots import plot_plan
 from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
@@ -63,6 +64,7 @@ __all__ = [
     "plot_sticks",
     "plot_study",
     "plot_timing",
+    "plot_trace",
     "plot_walk",
     "plot_wrench_cone",
     "replay",

@@ -19,6 +19,7 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State
+from rbd.records import fixed, vector
 from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture, legend_data
@@ -114,6 +115,17 @@ class Scene(Displayed, Closing):
         self._scenery: list[Mark] = []
         self.title = robot.name
         """Of its page: the robot's name, or the headline of a motion."""
+
+    def __repr__(self) -> str:
+        return f"Scene({str(self).partition(chr(10))[0]})"
+
+    def __str__(self) -> str:
+        if not self.shown:
+            return f"{self.robot.name}: the scene is empty; call scene.show(state, solution) first"
+        forces = [f"  {c.name}: {vector(c.force, 2)} N" for c in self.contacts]
+        upward = fixed(sum(float(c.force[2]) for c in self.contacts), 2)
+        said = f"its contacts push it up by {upward} N" if forces else "no contact forces are shown"
+        return "\n".join([f"{self.robot.name}: {said}", *forces])
 
     @property
     def shown(self) -> bool:

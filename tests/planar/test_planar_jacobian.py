@@ -1,4 +1,4 @@
-"""The Jacobian of any symbolic function."""
+"""The Jacobian of any function, in symbols and in numbers."""
 
 from __future__ import annotations
 
@@ -52,6 +52,41 @@ def test_angles_and_their_rates_are_variables():
     chain = Chain(3)
     assert jacobian(chain.position(), chain.q).equals(chain.jacobian())
     assert jacobian(chain.velocity(), chain.qd).applyfunc(sympy.expand) == chain.jacobian().applyfunc(sympy.expand)
+
+
+def test_numeric_functions_have_the_derivatives_of_their_symbols():
+    """The end of three links in Python's numbers against the symbols, far from zero too; a number counts as one row.
+
+    The bound is what the docstring promises: 1e-10 of the largest of f and J.
+    """
+    chain, rng = Chain(3, lengths=(0.5, 0.4, 0.3)), np.random.default_rng(0)
+    for size in (1.0, 100.0):
+        q = size * rng.normal(size=3)
+        found = jacobian(chain.numeric.position, q)
+        assert found.shape == (2, 3) and np.abs(found - chain.numeric.jacobian(q)).max() < 1e-10 * max(1.0, size)
+    steep = jacobian(lambda x: math.exp(3.0 * x[0]) * x[1] ** 5, [2, 3])
+    assert steep == pytest.approx(math.exp(6.0) * np.array([[3.0 * 3**5, 5.0 * 3**4]]), rel=1e-10)
+    assert jacobian(lambda x: [x[0] ** 3, 1.0], np.array([1e6])) == pytest.approx(np.array([[3e12], [0.0]]), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("f", "x", "message"),
+    [
+        (lambda x: abs(x[0] - 1.0), [1.0], r"no derivative by x\[0\]"),
+        (lambda x: [x[0], np.sqrt(x[1])], [1.0, 0.0], r"no derivative by x\[1\]"),
+        (lambda x, y: x * y, [1.0, 2.0], r"lambda x: f\(\*x\)"),
+        (lambda x: np.eye(2), [1.0], "has shape"),
+        (lambda x: 1j * x, [1.0], "real numbers"),
+        (lambda x: x / 0.0 if x[0] == 1.0 else x, np.array([1.0]), "finite numbers"),
+        (lambda x: x, [float("nan")], "not finite"),
+        (lambda x: x, np.eye(2), "shape"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:(divide|invalid)")
+def test_numeric_functions_without_a_derivative_are_refused(f, x, message):
+    """What came is named, with the way out."""
+    with pytest.raises(InputError, match=message):
+        jacobian(f, x)
 
 
 @pytest.mark.parametrize(

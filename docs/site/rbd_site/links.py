@@ -21,7 +21,7 @@ from rbd_site.public import PACKAGES, homes, place_of, short_names
 
 NAME = re.compile(r"(rbd(?:\.[A-Za-z]\w*)+)(?:\(.*\))?")
 FILE = re.compile(r"((?:rbd|tests|examples|docs|urdf)/[\w/.]+\.(?:py|toml|yaml|urdf|md))(?:::(\w+))?")
-CITATION = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4}|Motion))\]")
+CITATION = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4}|Motion|Multiplier))\]")
 
 
 def documented(dotted: str) -> str | None:

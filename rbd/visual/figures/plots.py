@@ -126,17 +126,20 @@ def frame(ax: Axes, grid: Literal["x", "y", "both"] | None = None) -> None:
         ax.grid(axis=grid, color="0.92", lw=0.7, zorder=0)
 
 
-def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, often: float) -> list[Artist]:
+def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, often: float, across: str = " s") -> list[Artist]:
     """Limits of an axis that show most samples well; a note of the largest if that is cut off.
 
     Args:
         ax: Axes.
-        t: Times, shape (n,) [s].
-        values: Of all curves, shape (n, k).
+        t: Times, shape (n,) [s], or what else runs across.
+        values: Of all curves, shape (n, k); NaN where there is none.
         unit: Their unit.
         factor: Samples larger than this factor times the usual size are cut off.
         often: Per cent of the samples that are at most as large as the usual size.
+        across: Unit of t, with a space before it where it has one.
     """
+    known = np.isfinite(values).all(axis=1)
+    t, values = t[known], values[known]
     size = np.abs(values)
     usual = float(np.percentile(size, often))
     within = values[size <= factor * usual]
@@ -148,7 +151,7 @@ def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, of
     worst = np.unravel_index(int(size.argmax()), values.shape)
     peak = float(f"{values[worst]:.3g}")
     told = f"{peak:,.0f}" if abs(peak) >= 1000.0 else f"{peak:g}"
-    text = f"cut off: {told} {unit}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
+    text = f"cut off: {told} {unit}\nat {t[worst[0]]:.3g}{across}".replace("-", "\N{MINUS SIGN}")
     y, va = (0.97, "top") if peak > high else (0.03, "bottom")
     ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
     style: dict[str, Any] = {"ha": "right", "va": va, "color": "0.3", "fontsize": "x-small", "bbox": ground, "zorder": 5}

@@ -12,7 +12,10 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, closes_loop, frames_of, is_timed, member
 from rbd.constraints.contact_points import ContactPoints
+from rbd.errors import InputError
+from rbd.mechanism.pins import pin_forces
 from rbd.model.external import generalised
+from rbd.model.inertial import body_names
 from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Label, Mark, Sizes, node, number, share_color
@@ -338,6 +341,25 @@ def _loop(state: State, constraint: Constraint, f: Array) -> ShownForce:
     moment, name = f[3:] if len(f) == 6 else np.zeros(3), constraint.name
     loop = ShownForce(f"loops/{node(name)}", name, f[:3], point, moment, detail, "loop forces", LOOP_COLOR, on, against, 0.8)
     return replace(loop, many="loops", pin=True)
+
+
+def shown_pins(state: State, solution: Any, given: Mapping[str, Constraint]) -> list[ShownForce]:
+    """The forces in the hinges of a mechanism with loops, on the bodies that they move; none where they are not known."""
+    if not any(closes_loop(constraint) for constraint in given.values()):
+        return []
+    try:
+        forces = pin_forces(solution)
+    except InputError:  # of contacts and other forces the bodies are not known
+        return []
+    links, joints, out = ("", *body_names(state.robot)), state.robot.joints, list[ShownForce]()
+    for joint in (joint for joint in joints.values() if joint.nv == 1 and joint.is_angle):
+        point = state.joint_places([joint.id])[1][0]
+        on, against = links[joint.id], links[int(state.robot.model.parents[joint.id])]
+        detail = f"on {on}" + (f", {against} gets the opposite" if against else "")
+        at, name, f = f"pins/{node(joint.name)}", f"pin of {joint.name}", forces[joint.name][:3]
+        shown = ShownForce(at, name, f, point, np.zeros(3), detail, "pin forces", LOOP_COLOR, on, against, 0.8)
+        out.append(replace(shown, many="pins", pin=True))
+    return out
 
 
 def _points(state: State, constraint: Constraint | None, rows: Rows, f: Array) -> ShownForce | None:

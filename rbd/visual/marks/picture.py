@@ -45,6 +45,7 @@ from rbd.visual.marks.other_constraints import (
     origin_of,
     other_forces,
     shown_drives,
+    shown_pins,
     torque_marks,
 )
 from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
@@ -107,6 +108,7 @@ class Picture:
             constraints: Any = getattr(origin_of(solution), "constraints", ())
             contacts, given = shown_forces(solution), {constraint.name: constraint for constraint in constraints}
             others, left_out = other_forces(state, rows_of(solution), solution.forces, given)
+            others += shown_pins(state, solution, given)
         return cls(
             np.asarray(state.com, float),
             tuple(contacts),

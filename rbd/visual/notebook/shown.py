@@ -27,7 +27,7 @@ from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.problem.answer import Answer, Status
 from rbd.problem.force_set import at_rest
-from rbd.records import fixed, joined, number, rows_of, vector
+from rbd.records import counted, fixed, joined, number, rows_of, vector
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.notebook.page_frames import page_frame
 from rbd.visual.playback.curves import CurveChart, kept_samples
@@ -79,7 +79,8 @@ def _error(record: RbdError) -> str:
 @printed.register
 def _robot(record: CheckedModel) -> str:
     base = "floating base" if record.floating else "fixed base" if not record.bases else "several bases"
-    said = f"{record.name}: {record.nu} motors, {record.nv} degrees of freedom, {fixed(record.mass, 2)} kg, {base}"
+    counts = f"{counted(record.nu, 'motor')}, {counted(record.nv, 'degree')} of freedom"
+    said = f"{record.name}: {counts}, {fixed(record.mass, 2)} kg, {base}"
     report = getattr(record, "report", None)
     found = "" if report is None else "\n" + str(report).split("\n", 1)[0]
     return f"{said}{found}\n{record.joints}"
@@ -157,17 +158,6 @@ def _begins(motion: Array) -> str:
 @printed.register
 def _report(record: MotionReport) -> str:
     return f"{headline_of(record)}\n{record}"
-
-
-@printed.register
-def _scene(record: Scene) -> str:
-    name = record.robot.name
-    if not record.shown:
-        return f"{name}: the scene is empty; call scene.show(state, solution) first"
-    forces = [f"  {c.name}: {vector(c.force, 2)} N" for c in record.contacts]
-    upward = sum(float(c.force[2]) for c in record.contacts)
-    said = f"its contacts push it up by {fixed(upward, 2)} N" if forces else "no contact forces are shown"
-    return "\n".join([f"{name}: {said}", *forces])
 
 
 @singledispatch

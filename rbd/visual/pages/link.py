@@ -53,6 +53,7 @@ LAYERS: Mapping[str, bool] = {
     "cones": True,
     "surfaces": True,
     "loop forces": True,
+    "pin forces": False,
     "moments": True,
     "joint torques": False,
     "pushes": True,

@@ -1,6 +1,6 @@
 // Names of what is drawn: of the thing under the pointer, and next to every mark while the layer "labels" is on.
 const RANK = {
-  forces: 0, pushes: 0, "force elements": 0, "loop forces": 0, moments: 0, "joint torques": 0, "corner forces": 1, "centre of mass": 1, frames: 1,
+  forces: 0, pushes: 0, "force elements": 0, "loop forces": 0, "pin forces": 0, moments: 0, "joint torques": 0, "corner forces": 1, "centre of mass": 1, frames: 1,
   cones: 2, "support polygon": 3, regions: 3, surfaces: 4, meshes: 5, "collision shapes": 5, "other poses": 6,
 };
 // What has no tag of its own: it would say again what the others say.
