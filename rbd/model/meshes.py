@@ -26,6 +26,8 @@ Element = ElementTree.Element
 STAND_IN_M = 0.05
 """Side of the box that replaces a mesh if the link's inertia does not determine it."""
 MOST_NAMES = 12
+WHOLE = (".stl", ".dae", ".obj")
+"""Kinds of meshes whose triangles are in one file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,22 @@ def load_geometry(
         if meshes.all_finite(found):
             return Geometry(found, stand_ins, _complaint(meshes.refused))
     return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {reason}.")
+
+
+def mesh_files(element: Element, path: Path, package_dirs: Iterable[Path]) -> tuple[Path, ...] | None:
+    """The meshes that a URDF names, resolved, in its order; None of another file, or where one cannot be had.
+
+    Args:
+        element: The file's first element.
+        path: The file.
+        package_dirs: Where `package://` starts from.
+    """
+    folders = tuple(package_dirs)
+    try:
+        found = tuple(find_mesh(mesh.get("filename", ""), path.parent, folders) for mesh in element.iter("mesh"))
+    except ModelError:
+        return None
+    return found if element.tag == "robot" and all(file.suffix.lower() in WHOLE for file in found) else None
 
 
 def _built(

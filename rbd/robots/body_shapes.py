@@ -20,7 +20,7 @@ from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
 from rbd.model.input_files import MOST_BYTES, FileLimits, find_mesh, read_xml
-from rbd.model.meshes import Geometry, load_geometry
+from rbd.model.meshes import Geometry, load_geometry, mesh_files
 from rbd.model.output_files import new_folder, write_file
 from rbd.model.state import State
 from rbd.robots.catalogue import RobotSource
@@ -72,7 +72,11 @@ class ShapedRobot(CheckedModel):
     @lazy
     def visual_model(self) -> pin.GeometryModel:
         """Meshes and shapes to draw, boxes in place of meshes that cannot be loaded; the first use warns of those."""
-        return self._geometry(pin.GeometryType.VISUAL).model
+        return self._visual.model
+
+    @lazy
+    def _visual(self) -> Geometry:
+        return self._geometry(pin.GeometryType.VISUAL)
 
     @lazy
     def collision_model(self) -> pin.GeometryModel:
@@ -83,6 +87,20 @@ class ShapedRobot(CheckedModel):
     def collision_stand_ins(self) -> frozenset[str]:
         """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
         return self._collision.stand_ins
+
+    def has_read(self, kind: str) -> bool:
+        """Whether its "visual" or "collision" shapes are in memory."""
+        return f"_{kind}" in self.__dict__
+
+    @property
+    def stand_ins(self) -> frozenset[str]:
+        """Names of the boxes that replace meshes, in the shapes that are in memory."""
+        read = [self.__dict__[name] for name in ("_visual", "_collision") if name in self.__dict__]
+        return frozenset(name for geometry in read for name in geometry.stand_ins)
+
+    def mesh_files(self) -> tuple[Path, ...] | None:
+        """The meshes that its file names; None where they are not all files of its folders, or it is no URDF."""
+        return None if self._mesh_files is not None else mesh_files(self.element, self.source.place, self.source.package_dirs)
 
     @lazy
     def _collision(self) -> Geometry:
@@ -176,8 +194,8 @@ class ShapedRobot(CheckedModel):
         out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
         if (found := self.__dict__.get("_collision")) is not None:
             out.__dict__["_collision"] = replace(found, model=found.model.copy())
-        if (drawn := self.__dict__.get("visual_model")) is not None:
-            out.__dict__["visual_model"] = drawn.copy()
+        if (drawn := self.__dict__.get("_visual")) is not None:
+            out.__dict__["_visual"] = replace(drawn, model=drawn.model.copy())
 
     def _take_files(self, files: dict[str, bytes]) -> None:
         if self._mesh_files is None:

@@ -97,6 +97,12 @@ class SimulatedMotion:
         return {c.name: str(joint) for c in self.constraints if is_timed(c) and (joint := member(c, "prescribes"))}
 
     @property
+    def friction(self) -> dict[str, float]:
+        """{contact: Coulomb's coefficient}, of those that have one."""
+        given = {c.name: member(c, "friction") for c in self.constraints}
+        return {name: float(mu) for name, mu in given.items() if isinstance(mu, int | float)}
+
+    @property
     def pushed(self) -> bool:
         """Whether forces acted that are none of elements; of a function of time, whether it has given any."""
         return bool(self._pushes) if callable(self.external) else has_pushes(self.external)

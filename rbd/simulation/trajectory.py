@@ -87,6 +87,7 @@ class Trajectory(Displayed):
         pushed: Whether other external forces acted, which are not recorded.
         terrains: Those that contacts were on, and planes that moved, as half-spaces.
         driven: {constraint: the joint whose motion it gave as a function of time}.
+        friction: {contact: Coulomb's coefficient}, of those that have one; not of other sets of forces.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -130,6 +131,7 @@ class Trajectory(Displayed):
     pushed: bool = False
     terrains: tuple[Terrain, ...] = ()
     driven: Mapping[str, str] = field(default_factory=dict)
+    friction: Mapping[str, float] = field(default_factory=dict)
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field(
@@ -233,6 +235,7 @@ class Trajectory(Displayed):
             pushed=motion.pushed,
             terrains=motion.terrains,
             driven=motion.driven,
+            friction=motion.friction,
         )
 
     @property

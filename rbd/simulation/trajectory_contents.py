@@ -66,6 +66,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "pushed": bool(fields["pushed"]),
         "terrains": [plain_of(terrain, fields["t"]) for terrain in fields["terrains"]],
         "driven": dict(fields["driven"]),
+        "friction": dict(fields["friction"]),
         **header_of_elements(fields["elements"]),
     }
 
@@ -104,6 +105,7 @@ def fields_of(
         "pushed": bool(header.get("pushed", False)),
         "terrains": tuple(terrain_of(given) for given in listed_in(header, "terrains")) if "terrains" in header else (),
         "driven": header.get("driven", {}),
+        "friction": header.get("friction", {}),
         "t": t,
         "events": tuple(_event(given) for given in listed_in(header, "events")),
         "absent": words_in(header, "absent") if "absent" in header else (),

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, locked
+from rbd.arrays import Array, as_array, as_float, check_number, locked
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
@@ -177,6 +177,7 @@ def checked(fields: Fields) -> dict[str, Any]:
     if not all(isinstance(each, Terrain) for each in out["terrains"]):
         raise InputError(f"terrains of a trajectory are {fields['terrains']!r:.80}; expected rbd.Terrain.")
     out["driven"] = _driven(robot, fields["driven"], names_of=fields["forces"])
+    out["friction"] = _friction(fields["friction"], names_of=fields["forces"])
     if not all(isinstance(each, Event) for each in out["events"]):
         raise InputError("events of a trajectory must be rbd.simulation Events.")
     if not all(isinstance(each, str) for each in out["absent"]):
@@ -200,6 +201,14 @@ def _driven(robot: CheckedModel, given: object, names_of: Mapping[str, Array]) -
     for joint in given.values():
         robot.joints.with_one_freedom(joint, "driven of a trajectory")
     return dict(given)
+
+
+def _friction(given: object, names_of: Mapping[str, Array]) -> Mapping[str, float]:
+    """{contact: coefficient}, of constraints with forces."""
+    if not isinstance(given, Mapping) or not set(given) <= set(names_of):
+        raise InputError(f"friction of a trajectory is {given!r:.80}; expected {{contact: coefficient}} of its constraints.")
+    what = "friction of a trajectory"
+    return {name: check_number(what, mu, 0.0, expected="a coefficient of 0 or more") for name, mu in given.items()}
 
 
 def _checked_array(column: FieldColumn, value: Array, shape: Sequence[int | None]) -> Array:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import coal
@@ -14,8 +15,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, RbdError
+from rbd.visual.kept_shapes import Piece, kept_pieces
 from rbd.visual.marks.shown_force import ShownForce
-from rbd.visual.robot_meshes import RobotPart, triangles
+from rbd.visual.robot_meshes import RobotPart, frame_name, part_of, piece_of, triangles
 from rbd.visual.shapes import Mesh, joined, outermost, round_number
 from rbd.visual.style import COLLISION_COLOR
 
@@ -40,13 +42,11 @@ class CollisionPart:
 
     Attributes:
         part: Its triangles.
-        link: Frame of the robot's file that carries it.
         outside: How far points of the shape lie outside of what is drawn, at most [m].
         hull: Whether the convex hull of a mesh is drawn.
     """
 
     part: RobotPart
-    link: str
     outside: float
     hull: bool
 
@@ -59,8 +59,17 @@ def collision_parts(robot: Robot) -> tuple[CollisionPart, ...]:
     loaded, are left out.
     """
     if robot not in _HULLS:
-        _HULLS[robot] = tuple(_collision_parts(robot))
+        made = kept_pieces(robot, "collision", Path(__file__), lambda: [_piece(shape) for shape in _collision_parts(robot)])
+        _HULLS[robot] = tuple(_shape(*piece) for piece in made)
     return _HULLS[robot]
+
+
+def _piece(shape: CollisionPart) -> Piece:
+    return piece_of(shape.part, outside=shape.outside, hull=shape.hull)
+
+
+def _shape(told: Mapping[str, Any], mesh: Mesh, placement: pin.SE3) -> CollisionPart:
+    return CollisionPart(part_of(told, mesh, placement), told["outside"], told["hull"])
 
 
 def _collision_parts(robot: Robot) -> list[CollisionPart]:
@@ -76,8 +85,9 @@ def _collision_parts(robot: Robot) -> list[CollisionPart]:
         else:
             mesh = triangles(shape.geometry) or joined([])
         if len(mesh.faces):
-            part = RobotPart(shape.name, shape.parentJoint, shape.placement, mesh, COLLISION_COLOR, HULL_OPACITY)
-            found.append(CollisionPart(part, _frame_name(robot, shape.parentFrame), outside, hull))
+            look = COLLISION_COLOR, HULL_OPACITY, frame_name(robot, shape.parentFrame)
+            part = RobotPart(shape.name, shape.parentJoint, shape.placement, mesh, *look)
+            found.append(CollisionPart(part, outside, hull))
     return found
 
 
@@ -112,23 +122,17 @@ def _small_hull(points: Array) -> tuple[Mesh, float]:
 
 def bodies(robot: Robot, parts: Sequence[RobotPart]) -> str:
     """Names of what is drawn of a robot, for the page, as JSON: {link, joint, mass [kg]} of each part and collision shape."""
-    visual = getattr(robot, "visual_model", None)
-    links = {} if visual is None else {g.name: _frame_name(robot, g.parentFrame) for g in visual.geometryObjects}
-    told = [_body(robot, links.get(part.name, part.name), part.joint) for part in parts]
+    told = [_body(robot, part.link or part.name, part.joint) for part in parts]
     shapes = []
     for shape in collision_parts(robot):
         what = f"convex hull of its collision mesh, to {1e3 * shape.outside:.2g} mm" if shape.hull else "its collision shape"
-        shapes.append({**_body(robot, shape.link, shape.part.joint), "shape": what})
+        shapes.append({**_body(robot, shape.part.link, shape.part.joint), "shape": what})
     return json.dumps({"bodies": told, "shapes": shapes})
 
 
 def _body(robot: Robot, link: str, joint: int) -> dict[str, object]:
     mass = float(robot.model.inertias[joint].mass) if joint else 0.0
     return {"link": link, "joint": robot.model.names[joint] if joint else "", "mass": float(f"{mass:.5g}")}
-
-
-def _frame_name(robot: CheckedModel, number: int) -> str:
-    return str(robot.model.frames[number].name) if number < len(robot.model.frames) else ""
 
 
 def frames(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce], size: float) -> str:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakKeyDictionary
 
 import coal
@@ -26,6 +26,7 @@ from rbd.model.meshes import solid_hull
 from rbd.model.urdf import grouped
 from rbd.robots.carried import Carried, carried_by
 from rbd.visual import shapes
+from rbd.visual.kept_shapes import Piece, kept_pieces
 from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR, hexadecimal
 
@@ -52,6 +53,7 @@ class RobotPart:
         mesh: Its triangles in its frame [m].
         color: '#rrggbb'.
         opacity: 1 is solid.
+        link: Frame of the robot's file that carries it; empty of what is none of its shapes.
     """
 
     name: str
@@ -60,6 +62,7 @@ class RobotPart:
     mesh: Mesh
     color: str
     opacity: float
+    link: str = ""
 
     def looks_like(self, other: RobotPart) -> bool:
         """Whether another piece has the same place, look and mesh."""
@@ -79,7 +82,7 @@ def drawable(robot: CheckedModel) -> Robot:
     Raises:
         InputError: a bare model, which has none.
     """
-    if not hasattr(robot, "visual_model"):
+    if not hasattr(type(robot), "visual_model") and not hasattr(robot, "visual_model"):  # the class first: it reads no mesh
         raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
     return cast("Robot", robot)
 
@@ -94,14 +97,32 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
         InputError: a bare model, which has no shapes.
     """
     if drawable(robot) not in _DONE:  # a second of work for Talos, and as many scenes as one likes
-        _DONE[robot] = tuple(_made(robot))
+        pieces = kept_pieces(robot, "visual", Path(__file__), lambda: [piece_of(part) for part in _made(robot)])
+        held = [_box_of(thing, robot) for thing in carried_by(robot)]
+        _DONE[robot] = (*(part_of(*piece) for piece in pieces), *held)
     return _DONE[robot]
 
 
+def piece_of(part: RobotPart, **further: object) -> Piece:
+    """A piece as it is kept, with further plain data."""
+    told = {name: getattr(part, name) for name in ("name", "joint", "color", "opacity", "link")}
+    return told | further, part.mesh, part.placement
+
+
+def part_of(told: Mapping[str, Any], mesh: Mesh, placement: pin.SE3) -> RobotPart:
+    """The piece."""
+    return RobotPart(told["name"], told["joint"], placement, mesh, told["color"], told["opacity"], told["link"])
+
+
+def frame_name(robot: CheckedModel, number: int) -> str:
+    """Of a frame of its model by its number; empty if there is none."""
+    return str(robot.model.frames[number].name) if number < len(robot.model.frames) else ""
+
+
 def _made(robot: Robot) -> list[RobotPart]:
-    held = [_box_of(thing, robot) for thing in carried_by(robot)]
-    if parts := [part for obj in robot.visual_model.geometryObjects for part in _parts_of(obj)]:
-        return parts + held
+    drawn = robot.visual_model.geometryObjects
+    if parts := [replace(part, link=frame_name(robot, obj.parentFrame)) for obj in drawn for part in _parts_of(obj)]:
+        return parts
     shapes = [part for obj in robot.collision_model.geometryObjects for part in _parts_of(obj)]
     # A cylinder of 2 m about a humanoid's waist is a placeholder, and would hide the robot.
     widest = PLACEHOLDER * _longest(_bones(robot.model))
@@ -110,7 +131,7 @@ def _made(robot: Robot) -> list[RobotPart]:
         for part in shapes
         if np.ptp(part.mesh.vertices, axis=0).max() < widest
     ]
-    return skeleton(robot.model, _loop_ends(robot)) + inertia_ellipsoids(robot.model) + glass + held
+    return skeleton(robot.model, _loop_ends(robot)) + inertia_ellipsoids(robot.model) + glass
 
 
 def _box_of(thing: Carried, robot: Robot) -> RobotPart:

@@ -21,6 +21,17 @@ SUPPORT_COLOR = "#3f6f3f"
 LIMITED_COLOR = "#8a2f4f"  # of a support region within torque limits
 ZMP_COLOR = "#5e4fa2"
 WRENCH_COLOR = "#e69f00"
+IMPACT = "impact"
+MODE_COLORS = {
+    "open": "#aab4be",
+    "sticks": "#2166ac",
+    "slips": "#f4b400",
+    "creeps": "#c0202e",
+    IMPACT: "#16191d",
+    "holds": "#7fb6e6",
+    "pushes": "#009e73",
+}
+"""{mode of a contact's point: colour of its disk}: of different lightness too, for colour-blind readers."""
 LIMIT_COLORS = {
     "edge": ("#009e73", "the edge of a sole"),
     "friction": ("#0072b2", "friction"),

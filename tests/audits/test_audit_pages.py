@@ -16,7 +16,7 @@ from rbd.arrays import Array
 from rbd.audits import AuditReport, Record, audit, compare
 from rbd.errors import InputError
 from rbd.visual import Browser, find_browser
-from rbd.visual.playback.audit_motion import MODE_COLORS, NO_ANSWER, shown_audit, solid_robot
+from rbd.visual.playback.audit_motion import NO_ANSWER, POINT_COLORS, shown_audit, solid_robot
 from rbd.visual.robot_meshes import robot_parts
 
 G, MU, N = 9.81, 0.5, 12
@@ -26,7 +26,7 @@ BOX = rbd.testing.box(mass=1.0)
 CORNERS = np.array([[x, y, 0.0] for x in (-0.2, 0.2) for y in (-0.2, 0.2)])
 SHARES = 0.25 * (1.0 + np.sign(CORNERS[:, 0]) * MU * 0.1 / 0.2)
 """How much of the force each corner has: friction at the bottom presses the front ones more."""
-OPEN, STICKS, SLIPS, CREEPS = range(len(MODE_COLORS))
+OPEN, STICKS, SLIPS, CREEPS = range(len(POINT_COLORS))
 
 
 def slide(n: int = N, *, speed: float = 1.0, **other: Any) -> Record:
@@ -213,7 +213,7 @@ def test_the_browser_shows_disks_and_goes_to_worst_frames(report: AuditReport, p
     })()"""
     with Browser() as browser, browser.open(page, width=800, height=600) as shown:
         seen = shown.evaluate(ask)
-    colors = list(MODE_COLORS.values())
+    colors = list(POINT_COLORS.values())
     assert seen["crept"] == [pytest.approx(report.record.t[report.worst("creeps", 1)[0]]), colors[CREEPS]]
     assert (seen["slid"], seen["flat"]) == (colors[SLIPS], 0.0)
     assert seen["aside"] > 0.0

@@ -113,8 +113,10 @@ def test_curves_of_the_second_are_dashed(browser: Browser, slow: rbd.Trajectory,
     """On the axes of the first, at their own times; each row of numbers says whose they are."""
     page = export_motion(slow, tmp_path / "x.html", beside=fast, charts=["energy"])
     with browser.open(page, width=400, height=300, fragment="t=0.05") as shown:
-        dashes = shown.evaluate("[...document.querySelectorAll('.curves path')].map((p) => p.getAttribute('stroke-dasharray'))")
-        assert dashes == [None] * 3 + ["5 2.5"] * 3
+        dashes = shown.evaluate("stage.player.curves.charts[0].plot.series.slice(1).map(({ dash }) => dash)")
+        assert dashes == [[]] * 3 + [[5, 2.5]] * 3
+        counts = shown.evaluate("stage.player.curves.charts[0].plot.data.slice(1).map((y) => y.filter(Number.isFinite).length)")
+        assert counts == [len(slow)] * 3 + [len(fast)] * 3  # each at its own times
         rows = shown.evaluate("[...document.querySelectorAll('.curves .keys')].map((row) => row.textContent)")
         for row, run, name in zip(rows, (slow, fast), ("1: box", "2: box, dashed curves"), strict=True):
             i = int(np.abs(run.t - 0.05).argmin())

@@ -212,7 +212,7 @@ def test_a_chart_that_there_are_no_numbers_for_is_refused(run: rbd.Trajectory, t
 
 
 def test_long_motions_keep_their_peaks() -> None:
-    """Of 100,000 samples 2,000, among them the impact of a single one; where a curve begins and ends too."""
+    """Of 100,000 samples 6,000, among them the impact of a single one; where a curve begins and ends too."""
     wave = np.sin(np.linspace(0.0, 20.0, 100_000))
     hit, gap = wave.copy(), wave.copy()
     hit[33_333] = 50.0
@@ -221,7 +221,7 @@ def test_long_motions_keep_their_peaks() -> None:
     assert len(kept) == MOST_POINTS
     assert (np.diff(kept) > 0).all()
     assert {0, 33_333, 40_005, 99_999} <= set(kept.tolist())
-    assert np.array_equal(kept_samples(2000, [wave]), np.arange(2000))
+    assert np.array_equal(kept_samples(MOST_POINTS, [wave]), np.arange(MOST_POINTS))
 
 
 def test_a_peak_that_would_hide_all_else_is_cut_off() -> None:
@@ -234,11 +234,12 @@ def test_a_peak_that_would_hide_all_else_is_cut_off() -> None:
 
 
 def test_curves_of_a_long_motion_take_little_room(run: rbd.Trajectory, tmp_path: Path) -> None:
-    """Ten minutes: at most 2,000 numbers a curve."""
+    """Ten minutes: at most 6,000 numbers a curve."""
     n = 60_000
     again = np.arange(n) % len(run)
     fields = {k: v[again] if isinstance(v, np.ndarray) else v for k, v in vars(run).items()}
-    fields = {k: {a: b[again] for a, b in v.items()} if isinstance(v, dict) else v for k, v in fields.items()}
+    columns = {k: v for k, v in fields.items() if isinstance(v, dict) and k != "friction"}
+    fields |= {k: {a: b[again] for a, b in v.items()} for k, v in columns.items()}
     long = rbd.Trajectory(**{**fields, "t": np.arange(n) * 0.01, "events": ()})
     given = told(export_motion(long, tmp_path / "x.html", fps=1.0))["charts"]
     assert {len(numbers(x["values"])) for chart in given["charts"] for x in chart["lines"]} == {MOST_POINTS}
@@ -272,12 +273,11 @@ def cursor(shown: BrowserPage, chart: int) -> float:
 
 
 def place(shown: BrowserPage, chart: int, share: float) -> tuple[float, float]:
-    """Where a share of the time axis of a chart is on the screen [pixels]: 30 of its 300 units are left of it, 2 right."""
-    box = shown.evaluate(
-        f"(() => {{ const b = stage.player.curves.charts[{chart}].svg.getBoundingClientRect();"
-        " return [b.x, b.y, b.width, b.height]; })()"
+    """Where a share of the time axis of a chart is on the screen [pixels]."""
+    x, y, width, height = shown.evaluate(
+        f"((b) => [b.x, b.y, b.width, b.height])(stage.player.curves.charts[{chart}].plot.over.getBoundingClientRect())"
     )
-    return box[0] + box[2] * (30.0 + share * 268.0) / 300.0, box[1] + 0.4 * box[3]
+    return x + share * width, y + 0.4 * height
 
 
 def test_the_cursor_is_at_the_present_time(opened: BrowserPage, run: rbd.Trajectory) -> None:
@@ -292,13 +292,6 @@ def test_the_cursor_is_at_the_present_time(opened: BrowserPage, run: rbd.Traject
     assert shown.evaluate("stage.player.t") == pytest.approx(0.25 * run.t[-1], abs=run.t[-1] / 268.0)
     assert cursor(shown, 0) == pytest.approx(place(shown, 0, 0.25)[0], abs=1.0)
     assert float(shown.evaluate("stage.player.knob.style.left").removesuffix("%")) == pytest.approx(25.0, abs=0.5)
-    shown.mouse("mousePressed", *place(shown, 1, 0.5), button="left")
-    shown.mouse("mouseMoved", *place(shown, 1, 0.9), button="left")
-    shown.mouse("mouseReleased", *place(shown, 1, 0.9), button="left")
-    assert shown.evaluate("stage.player.t") in (
-        pytest.approx(0.5 * run.t[-1], abs=2e-3),
-        pytest.approx(0.9 * run.t[-1], abs=2e-3),
-    )
 
 
 def test_values_at_the_cursor_are_those_of_the_trajectory(opened: BrowserPage, run: rbd.Trajectory) -> None:
@@ -315,6 +308,68 @@ def test_values_at_the_cursor_are_those_of_the_trajectory(opened: BrowserPage, r
         law = np.interp(t, run.t, run.residuals["law"])
         assert text[3][0].startswith("law, scaled ")
         assert float(text[3][0].removeprefix("law, scaled ")) == pytest.approx(law, rel=0.06)
+
+
+def test_axes_show_signs(opened: BrowserPage) -> None:
+    """Numbers below zero have a minus sign, and the axis has room for all of it: the longest number ends inside the picture."""
+    shown = at_size(opened, 1200, 800)
+    axes = shown.evaluate(
+        """stage.player.curves.charts.map(({ plot }) => {
+          const { _values: words, _size: size } = plot.axes[1];
+          plot.ctx.font = AXIS_FONT;
+          return [words, size, Math.max(...words.map((word) => plot.ctx.measureText(word).width))];
+        })"""
+    )
+    assert all(size >= width + 6.0 for _, size, width in axes)  # 3 for the tick, 3 between
+    energy = [float(word) for word in axes[2][0]]
+    assert min(energy) < 0.0 < max(energy)  # the motors take energy out
+    assert shown.evaluate("[-0.527, -5e-4, 0, 12500, -2.5e6].map(onAxis)") == ["-0.527", "-5e-4", "0", "12500", "-2.5e6"]
+
+
+def test_residuals_have_a_logarithmic_axis(opened: BrowserPage, run: rbd.Trajectory) -> None:
+    """A decade is as high everywhere; ticks are powers of ten; what is below the foot is drawn at it, never left out."""
+    shown = at_size(opened, 1200, 800)
+    words = shown.evaluate("stage.player.curves.charts[3].plot.axes[1]._values")
+    assert len(words) > 2
+    assert all(re.fullmatch(r"1e-\d+", word) for word in words)
+    heights = shown.evaluate("[1e-6, 1e-8, 1e-10].map((x) => stage.player.curves.charts[3].plot.valToPos(x, 'y'))")
+    assert heights[1] - heights[0] == pytest.approx(heights[2] - heights[1])
+    assert heights[0] < heights[1]
+    drawn = shown.evaluate("stage.player.curves.charts[3].plot.data.slice(1).map((line) => Math.min(...line))")
+    assert min(drawn) >= 1e-16
+    assert shown.evaluate("[powers(2e-7, 8e-6), powers(1e-3, 1e3), powers(1e-16, 1)]") == [
+        [2e-7, 5e-7, 1e-6, 2e-6, 5e-6], [1e-3, 1e-1, 1e1, 1e3], [1e-16, 1e-12, 1e-8, 1e-4, 1.0],
+    ]  # fmt: skip
+
+
+def test_dragging_enlarges_and_the_pointer_reads(opened: BrowserPage, run: rbd.Trajectory) -> None:
+    """All charts show what is between; values under the pointer are the trajectory's there; the present time stays."""
+    shown = at_size(opened, 1200, 800)
+    shown.evaluate("stage.player.go(0.1)")
+    shown.mouse("mousePressed", *place(shown, 0, 0.4), button="left")
+    shown.mouse("mouseMoved", *place(shown, 0, 0.8), button="left")
+    shown.mouse("mouseReleased", *place(shown, 0, 0.8), button="left")
+    pixel = run.t[-1] / 250.0
+    for chart in range(4):
+        x = shown.evaluate(f"((x) => [x.min, x.max])(stage.player.curves.charts[{chart}].plot.scales.x)")
+        assert x == pytest.approx([0.4 * run.t[-1], 0.8 * run.t[-1]], abs=pixel)
+    low, top = shown.evaluate("((y) => [y.min, y.max])(stage.player.curves.charts[0].plot.scales.y)")
+    force = np.array([run.forces[name][(run.t > x[0]) & (run.t < x[1])] for name in run.contacts])
+    assert low < force[..., 2].min() < np.linalg.norm(force, axis=-1).max() < top < 1.3 * force[..., 2].max()  # axes fit it
+    assert shown.evaluate("stage.player.t") == 0.1
+    assert shown.evaluate("stage.player.curves.charts[0].now.hidden") is True  # 0.1 s is not shown
+    shown.mouse("mouseMoved", *place(shown, 0, 0.5))
+    t = shown.evaluate("stage.player.curves.pointed")
+    assert t == pytest.approx(0.5 * (x[0] + x[1]), abs=pixel)
+    assert shown.evaluate("stage.player.curves.moment.textContent").startswith("at 0.1")
+    text = shown.evaluate("stage.player.curves.charts[0].shown[0].key.textContent")
+    name = run.contacts[0]
+    assert text == f"{name} vertical {float(f'{np.interp(t, run.t, run.forces[name][:, 2]):.3g}'):g}"
+    shown.evaluate("stage.player.curves.whole.click()")
+    assert shown.evaluate("stage.player.curves.charts[1].plot.scales.x.max") == pytest.approx(run.t[-1])
+    assert shown.evaluate("stage.player.curves.whole.hidden") is True
+    shown.mouse("mouseMoved", 500, 300)
+    assert shown.evaluate("stage.player.curves.pointed") is None
 
 
 def test_the_panel_folds_and_charts_are_chosen(opened: BrowserPage) -> None:

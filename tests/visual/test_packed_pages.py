@@ -229,11 +229,14 @@ def test_the_page_draws_before_it_says_that_it_is_ready(standing_page, browser):
 
 
 def test_the_library_in_the_page_is_meshcats_own(standing_page):
-    """Byte for byte: nothing is patched."""
+    """Byte for byte: nothing is patched; before it uPlot's, with its licence."""
     from importlib.resources import files
 
     text = standing_page("talos").read_text(encoding="utf-8")
-    assert block(text, "library") == files("meshcat").joinpath("viewer/dist/main.min.js").read_bytes()
+    charts, library = files("rbd.visual.pages").joinpath("web/uplot"), block(text, "library")
+    assert library.endswith(b"\n" + files("meshcat").joinpath("viewer/dist/main.min.js").read_bytes())
+    assert charts.joinpath("uPlot.iife.min.js").read_bytes() in library and charts.joinpath("LICENSE").read_bytes() in library
+    assert b"The MIT License" in library and b"uPlot (v1.6.32)" in library
 
 
 def test_a_translucent_body_is_seen_below_the_floor(tmp_path, browser):

@@ -1,4 +1,4 @@
-"""Contacts among the marks: points, patches, friction cones, forces; the support polygon and the centre of mass."""
+"""Contacts among the marks: points, their modes, patches, friction cones, forces; support polygon and centre of mass."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.model.world import LEAST_FALL, STANDARD, along_gravity, is_along_z
 from rbd.problem.answer import ContactForce
-from rbd.problem.cones import Cone, FrictionCone
+from rbd.problem.cones import Cone, FrictionCone, friction_used
 from rbd.problem.ground import Ground
 from rbd.visual.marks import primitives
 from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
 from rbd.visual.marks.shown_force import ShownForce, force_marks
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
+from rbd.visual.style import COM_COLOR, MODE_COLORS, SUPPORT_COLOR
 
 if TYPE_CHECKING:
     from rbd.answers.solution import Solution
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 # How far outside its patch rounding may put a centre of pressure.
 SLACK_M = 1e-6
+RESTS = 1e-6
+"""A contact whose velocities and accelerations are no larger does not move [m/s, m/s2, rad/s, rad/s2]."""
+AT_LIMIT = 1.0 - 1e-6
+"""Share of friction from which on a point that moves slips."""
+DISK, DISK_CORNERS = 4.2, 28
+"""Radius of a disk at a point, in radii of an arrow's shaft, and corners of its outline; as in web/animation.js."""
 
 
 def acting_point(patch: Patch, wrench: Array) -> Array:
@@ -77,11 +83,45 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
                 corners=patch.corners_W,
                 corner_forces=np.asarray(solution.corner_forces.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3),
                 patch=patch,
+                points=_points(rows, patch, solution),
                 friction_used=contact.friction_used,
                 further=(f"normal {number(contact.normal)} N, tangential {number(contact.tangential)} N", *friction),
             )
         )
     return out
+
+
+def _points(rows: Rows, patch: Patch, solution: Solution | Actuation) -> tuple[tuple[str, float | None], ...]:
+    """(mode, share of friction used) of each corner whose force is known; one at its limit slips only if the contact moves."""
+    a, found = getattr(solution, "a", None), list[tuple[str, float | None]]()
+    moves = a is not None and max(np.abs(rows.velocity).max(), np.abs(rows.J @ a + rows.bias).max()) > RESTS
+    for force in np.asarray(solution.corner_forces.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3) @ patch.axes:
+        if not np.linalg.norm(force) > 0.0:
+            found.append(("open", None))
+        elif not patch.friction:
+            found.append(("holds" if patch.friction is None else "pushes", None))
+        else:
+            used = friction_used(patch.friction, force) if force[2] > 0.0 and patch.turned is None else None
+            found.append(("slips" if moves and used is not None and used > AT_LIMIT else "sticks", used))
+    return tuple(found)
+
+
+def disk_marks(contact: ShownForce, sizes: Sizes) -> list[Mark]:
+    """A disk at each point of a contact in the colour of its mode; as much of its area as friction is used, the rest pale."""
+    patch, marks = contact.patch, []
+    assert patch is not None
+    axes, turns = patch.axes, np.linspace(0.0, 2.0 * np.pi, DISK_CORNERS, endpoint=False)
+    circle = np.cos(turns)[:, None] * axes[:, 0] + np.sin(turns)[:, None] * axes[:, 1]
+    listed = zip(contact.points, contact.corners, strict=True) if len(contact.points) == len(contact.corners) else ()
+    for i, ((mode, used), corner) in enumerate(listed):
+        share = 1.0 if used is None else float(np.clip(used, 0.0, 1.0))
+        words = (mode,) if used is None else (mode, f"friction used {100.0 * used:.1f} %")
+        at, label = corner + sizes.lift * axes[:, 2], Label(f"{contact.name}, point {i + 1}", words, corner, tag=False)
+        for name, radius, opacity in (("disk", 1.0, 0.35), ("used", float(np.sqrt(share)), 1.0)):
+            if share * radius > 0.0 or name == "disk":
+                shape = primitives.polygon(at + (opacity * sizes.lift * axes[:, 2]) + DISK * sizes.shaft * radius * circle)
+                marks.append(Mark(f"{contact.path}/{name}/{i}", (shape,), MODE_COLORS[mode], opacity, label=label))
+    return marks
 
 
 def _friction(patch: Patch, used: float | None) -> list[str]:
@@ -109,7 +149,7 @@ def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
         marks.append(Mark(f"{at}/{kind}", (dots,), color, seen_through=True, label=place))
     if patch.friction:
         marks += _cone_marks(contact, patch, patch.friction, color, sizes)
-    return marks + force_marks(contact, color, sizes)
+    return marks + disk_marks(contact, sizes) + force_marks(contact, color, sizes)
 
 
 def _cone_marks(contact: ShownForce, patch: Patch, friction: float | Cone, color: str, sizes: Sizes) -> list[Mark]:

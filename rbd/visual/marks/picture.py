@@ -52,7 +52,7 @@ from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
 from rbd.visual.marks.shown_force import NOWHERE, ShownForce, force_marks
 from rbd.visual.marks.surfaces import ShownSurface, surface_entries, surface_marks, surfaces_of
 from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
+from rbd.visual.style import COM_COLOR, MODE_COLORS, SUPPORT_COLOR
 
 if TYPE_CHECKING:
     from rbd.answers.solution import Solution
@@ -250,7 +250,11 @@ def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:
 
 
 def _rest(picture: Picture) -> list[Entry]:
-    entries = [entry(color, name, speed, layer="surfaces") for name, color, speed in surface_entries(picture.surfaces)]
+    points = [point for contact in picture.contacts for point in contact.points]
+    share = "filled: share of the friction used" if any(used is not None for _, used in points) else ""
+    modes = [mode for mode in MODE_COLORS if mode in {mode for mode, _ in points}]
+    entries = [entry(MODE_COLORS[mode], f"point {mode}", "", share * (mode == modes[0]), "forces") for mode in modes]
+    entries += [entry(color, name, speed, layer="surfaces") for name, color, speed in surface_entries(picture.surfaces)]
     drops = picture.gravity[2] < 0.0
     entries.append(entry(COM_COLOR, f"centre of mass{', drop line' if drops else ''}", layer="centre of mass"))
     if not is_standard(picture.gravity):

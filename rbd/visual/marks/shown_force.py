@@ -40,6 +40,7 @@ class ShownForce:
         corners: Points that share the force, in W, shape (k, 3) [m].
         corner_forces: Force at each of them, shape (k, 3) [N]; none where it is not known how they share it.
         patch: Of a contact, where it acts.
+        points: (mode, share of friction used) of each corner, see `MODE_COLORS`; the share is None where there is none to use.
         friction_used: |f_t| / (mu f_n) of the resultant; None without a coefficient or without load. A patch may slip at one
             corner though its resultant is inside the cone: that is not seen here.
         further: More lines of its label.
@@ -61,6 +62,7 @@ class ShownForce:
     corners: Array = field(default_factory=NOWHERE.copy)
     corner_forces: Array = field(default_factory=NOWHERE.copy)
     patch: Patch | None = None
+    points: tuple[tuple[str, float | None], ...] = ()
     friction_used: float | None = None
     further: tuple[str, ...] = ()
     many: str = ""

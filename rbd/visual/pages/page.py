@@ -81,7 +81,7 @@ SCRIPTS = (
 )
 LEVEL = 6
 """Of zlib: level 9 takes four times as long, for a hundredth less."""
-STYLES = ("stage.css", "toolbar.css", "animation.css", "controls.css")
+STYLES = ("stage.css", "toolbar.css", "uplot/uPlot.min.css", "animation.css", "controls.css")
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:
@@ -147,8 +147,9 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
 
 @cache
 def _library() -> tuple[int, str]:
-    """Meshcat's viewer: its length, and its script deflated."""
-    script = text_of("meshcat", "viewer/dist/main.min.js").encode()
+    """Charts and Meshcat's viewer: the length of both, and their scripts deflated, with the licence of the charts."""
+    licence, charts = (text_of("rbd.visual.pages", f"web/uplot/{name}") for name in ("LICENSE", "uPlot.iife.min.js"))
+    script = f"/*!\n{licence}*/\n{charts}\n{text_of('meshcat', 'viewer/dist/main.min.js')}".encode()
     return len(script), _deflated(script)
 
 

@@ -187,11 +187,13 @@ def export_motion(
 ) -> Path:
     """Write a motion as one HTML page that needs no network and no server; returns its path.
 
-    The page has the robot's meshes once and its poses at every frame; between two frames bodies go straight and turn
-    evenly (slerp). An arrow's length is the force times one scale for the whole motion, stated in the legend; what is
-    longer than the robot is cut, and has two heads. The support polygon is the hull of the points that carry load. Above the
-    bar each contact has a lane: filled while it touches, striped while it slips, with a mark at each event. Beside the robot,
-    in narrow windows below it, are charts over time with a cursor at the present; a click on one goes to that time. Keys: space
+    The page has the robot's meshes once and its poses at every frame; between two frames bodies go straight and turn evenly
+    (slerp). An arrow's length is the force times one scale for the whole motion, stated in the legend; what is longer than the
+    robot is cut, and has two heads. The support polygon is the hull of the points that carry load. A disk at each point of a
+    trajectory has the colour of its mode (open, sticks, slips, impact), filled by the share of friction used, where the
+    contact's normal is known. Above the bar each contact has a lane: filled while it touches, striped while it slips, with a
+    mark at each event. Beside the robot, in narrow windows below it, are charts over time with a line at the present; a click
+    on one goes to that time, dragging across enlarges what is between, in all charts, and the pointer reads values. Keys: space
     plays, left and right step (shift: ten frames), up and down change the speed, page up and page down go from event to event,
     f follows the robot, c folds the charts. `x.html#t=0.5` opens at 0.5 s.
 

@@ -22,11 +22,12 @@ from rbd.records import counted
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
 from rbd.visual.playback.curves import FINE, Choice, CurveChart, CurveLine, chart, top_of
+from rbd.visual.playback.mode_disks import Disks
 from rbd.visual.playback.motion_frames import MOST_NUMBERS, body_poses
 from rbd.visual.playback.report_motion import YES, WorstFrame
-from rbd.visual.playback.shown_motion import Card, CardRow, Disks, ShownMotion, Track
+from rbd.visual.playback.shown_motion import Card, CardRow, ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import Maker, chosen_charts, makers_of
-from rbd.visual.style import CONTACT_COLORS, GHOST_COLOR, PUSH_COLOR, WRENCH_COLOR, distinct_colors
+from rbd.visual.style import CONTACT_COLORS, GHOST_COLOR, MODE_COLORS, PUSH_COLOR, WRENCH_COLOR, distinct_colors
 
 MOST_SOLVED = 300
 """Frames in which the law's forces are computed, chosen likewise."""
@@ -37,8 +38,8 @@ MOST_FRAMES = 1000
 WORST = 5
 """Frames of each cause that are kept."""
 CREEPS = "creeps"
-MODE_COLORS: Mapping[str, str] = {OPEN: "#aab4be", STICKS: "#2166ac", SLIPS: "#f4b400", CREEPS: "#c0202e"}
-"""{mode of a point: colour of its disk}: a light grey, blue, yellow and red, of different lightness too."""
+POINT_COLORS: Mapping[str, str] = {mode: MODE_COLORS[mode] for mode in (OPEN, STICKS, SLIPS, CREEPS)}
+"""{mode of a point of an audit: colour of its disk}."""
 LAW_COLOR = PUSH_COLOR
 SEEN_FROM = (1.0, 0.28, 0.34)
 """Of two motions beside each other: neither hides the other."""
@@ -60,7 +61,7 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
     solved = min(solved, record.n * MOST_POINTS // max(len(record.contact_at), 1))
     law = _Law.of(report, pairs, _thinned(report, solved) if solved else np.zeros(0, int))
     points, forces, disks, by_law = _contacts(report, pairs, law, every)
-    words, events, rows = [*MODE_COLORS], list[Event](), [_row(report, cause) for cause in report.ranked]
+    words, events, rows = [*POINT_COLORS], list[Event](), [_row(report, cause) for cause in report.ranked]
     most = {name: disk.codes.max(axis=1) for name, disk in disks.items()}
     modes = {name: [words[code] for code in codes] for name, codes in most.items()}
     for name, codes in most.items():
@@ -107,7 +108,7 @@ def _contacts(
         points[name] = places.spread(p, record.points, np.nan)[every]
         forces[name] = places.spread(p, pairs.signs[:, None] * record.forces, 0.0)[every]
         modes = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
-        disks[name] = Disks(MODE_COLORS, modes, places.spread(p, record.normals, 0.0)[every])
+        disks[name] = Disks(POINT_COLORS, modes, places.spread(p, record.normals, 0.0)[every], np.full(modes.shape, np.nan))
         if len(law.frames):
             f = np.where(np.isnan(points[name]), 0.0, law.between(places.spread(p, law.forces, 0.0), 0.0)[every])
             by_law.append(Track(f"{name}, by the law", points[name], f, LAW_COLOR, aside=True))
@@ -265,7 +266,7 @@ def _sums(report: AuditReport, pairs: BodyPairs, law: _Law) -> dict[str, Array]:
 
 
 def _codes(report: AuditReport) -> Array:
-    """Mode of each point, as its place in `MODE_COLORS`, shape (k,)."""
+    """Mode of each point, as its place in `POINT_COLORS`, shape (k,)."""
     moves = np.linalg.norm(report.laws.slip, axis=1) > report.thresholds.speed
     return np.where(report.laws.free, 0, np.where(report.points["creeps"] > 0.0, 3, np.where(moves, 2, 1)))
 

@@ -1,6 +1,6 @@
 """Curves of a motion beside the robot: charts, their axes, and their form for a page.
 
-`trajectory_charts` and `report_curves` say which there are. Numbers are those of the samples, in single precision, at 2000
+`trajectory_charts` and `report_curves` say which there are. Numbers are those of the samples, in single precision, at 6000
 times at most: evenly, and at the peaks in between.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.visual.style import CONTACT_COLORS
 
-MOST_POINTS = 2000
+MOST_POINTS = 6000
 """Points of a curve."""
 NAMED = 4
 """Motors or joints with a curve of their own: those that are used most. Of all others the largest is drawn."""

@@ -28,7 +28,8 @@ from rbd.visual.marks.applied_forces import (
     shown_elements,
 )
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.playback.shown_motion import Disks, ShownMotion, Track
+from rbd.visual.playback.mode_disks import OFF_GROUND, Disks
+from rbd.visual.playback.shown_motion import ShownMotion, Track
 
 PushesAt: TypeAlias = Callable[[State, float], External]
 
@@ -42,7 +43,6 @@ MOST_NUMBERS = 4_000_000
 NEAR = 0.25
 """A sample this share of a frame's interval away is taken as the frame; else the motion is interpolated there."""
 MOST_STRETCHES = 400
-OFF_GROUND = 5e-3
 """A contact that carries load farther from z = 0 touches something else [m]."""
 MOST_SAMPLES_LOOKED_AT = 400
 
@@ -148,7 +148,7 @@ def frames_of(
     pushes, elements, left_out = _applied(robot, q, v, at, acting)
     pushes += [replace(t, points=_blend(t.points, low, share), forces=_blend(t.forces, low, share)) for t in shown.pushes]
     left_out += _unknown_elements(shown.source) if external is None else []
-    disks = {name: replace(d, codes=d.codes[nearest], normals=d.normals[nearest]) for name, d in shown.disks.items()}
+    disks = {name: d.at(nearest) for name, d in shown.disks.items()}
     words = (*shown.notes, *left_out, *_without_points(shown), *_without_surfaces(shown))
     moved = [solid for terrain in shown.terrains for solid in terrain.pieces if solid.moved is not None]
     lifts = np.zeros((len(at), len(moved), 7))

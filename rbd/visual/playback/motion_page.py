@@ -21,6 +21,7 @@ from rbd.visual.marks.picture import scale_note
 from rbd.visual.marks.shown_force import NOWHERE
 from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
 from rbd.visual.playback.curves import packed
+from rbd.visual.playback.mode_disks import Disks
 from rbd.visual.playback.motion_frames import (
     ELEMENT_COLORS,
     PageFrames,
@@ -29,7 +30,7 @@ from rbd.visual.playback.motion_frames import (
     ghost_poses,
     pieces_of,
 )
-from rbd.visual.playback.shown_motion import Disks, ShownMotion, Track
+from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
 from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import RobotPart, hull_of
@@ -52,6 +53,8 @@ STILL = 1e-4
 """The normal of a contact that changes by less is sent once."""
 APART = 0.12
 """Two motions beside each other are this share of the robot's size apart."""
+FULL = 255
+"""What is sent for a disk that is full."""
 DRIVES = "drives"
 """Path in the viewer of what shows driven joints."""
 SECOND = "second"
@@ -355,7 +358,11 @@ def _disks(disks: Disks | None) -> dict[str, object] | None:
     if disks is None:
         return None
     codes, normals = packed(disks.codes, "u1"), packed(np.nan_to_num(disks.normals))
-    return {"colors": list(disks.colors.values()), "modes": list(disks.colors), "codes": codes, "normals": normals}
+    colors, modes = list(disks.colors.values()), list(disks.colors)
+    told: dict[str, object] = {"colors": colors, "modes": modes, "codes": codes, "normals": normals}
+    if np.isfinite(disks.used).any():
+        told["used"] = packed(np.rint(FULL * np.nan_to_num(disks.used, nan=1.0)), "u1")
+    return told
 
 
 def _pose(X: pin.SE3) -> list[float]:

@@ -16,6 +16,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import Event
 from rbd.visual.playback.curves import Choice, CurveChart
+from rbd.visual.playback.mode_disks import Disks, contact_disks
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.robot_meshes import drawable
 from rbd.visual.style import PUSH_COLOR
@@ -44,21 +45,6 @@ class Track:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "forces", np.nan_to_num(self.forces, nan=0.0, posinf=0.0, neginf=0.0))
-
-
-@dataclass(frozen=True, eq=False)
-class Disks:
-    """Disks at the points of a contact, in the colours of their modes.
-
-    Attributes:
-        colors: {mode: its colour}.
-        codes: Mode of each point, as its place in `colors`, shape (n, k).
-        normals: In W, shape (n, k, 3).
-    """
-
-    colors: Mapping[str, str]
-    codes: Array
-    normals: Array
 
 
 @dataclass(frozen=True)
@@ -179,6 +165,10 @@ class ShownMotion:
         ground = getattr(trajectory, "ground", None)  # of an `rbd.Motion`
         terrains = getattr(trajectory, "terrains", (ground,) if isinstance(ground, Terrain) else ())
         q, v, driven = trajectory.q, trajectory.v, getattr(trajectory, "driven", {})
+        if forces:
+            friction = getattr(trajectory, "friction", {})
+            args = (trajectory.points, trajectory.point_forces, trajectory.modes, friction, trajectory.events)
+            forces["disks"] = contact_disks(t, *args)
         return cls(trajectory, robot, t, q, v, robot.name, charts=charts, terrains=terrains, driven=driven, **forces)
 
 

@@ -178,8 +178,9 @@ class Cast {
       if (many) thin.push(new Arrow(corners, color, 0.45 * shaft));
       if (isPush) continue;
       if (disks) {
-        dots.push({ disk: twice(cylinder(4.2 * shaft, 0.8 * shaft, 28), color, 1, 0.45) });
-        corners.add(dots[i].disk);
+        const round = (height) => twice(cylinder(4.2 * shaft, height * shaft, 28), color, 1, 0.45);
+        dots.push({ disk: round(0.8), inner: round(1.1) });
+        corners.add(dots[i].disk, dots[i].inner);
         continue;
       }
       const dot = { closed: twice(ball, color), open: twice(ball, color, 0.3, 0) };
@@ -192,7 +193,7 @@ class Cast {
     // Unit vectors from the surroundings to the robot, one for each frame, or one for all.
     track.normals = normals ? floats(normals) : new Float32Array(0);
     track.normal = null;
-    if (disks) track.disks = { colors: disks.colors, modes: disks.modes, codes: bytes(disks.codes), normals: floats(disks.normals) };
+    if (disks) track.disks = { ...disks, codes: bytes(disks.codes), normals: floats(disks.normals), used: disks.used ? bytes(disks.used) : null };
     track.corners = [];
     big.node.userData.label = () => trackLabel(track, this.shift);
     thin.forEach((arrow, i) => { arrow.node.userData.label = () => cornerLabel(track, i, this.shift); });
@@ -311,19 +312,25 @@ class Cast {
     dot.open.visible = there && !closed;
   }
 
-  // A disk on the surface, in the colour of the point's mode in the frame.
+  // A disk on the surface, in the colour of the point's mode in the frame; as much of its area as friction is used, the rest pale.
   showDisk({ dots, disks, points }, i, frame, p, there) {
     const T = MeshCat.THREE;
-    const { disk } = dots[i], k = frame * points + i;
+    const { disk, inner } = dots[i], k = frame * points + i;
+    const share = disks.used ? disks.used[k] / 255 : 1;
     disk.visible = there;
+    inner.visible = there && share > 0 && share < 1;
     if (!there) return;
     const n = new T.Vector3(...disks.normals.subarray(3 * k, 3 * k + 3));
     disk.position.set(p[0], p[1], p[2]);
     if (n.lengthSq() > 0.5) disk.quaternion.setFromUnitVectors(new T.Vector3(0, 0, 1), n.normalize());
-    for (const { material } of disk.children) {
-      material.color.set(disks.colors[disks.codes[k]]);
-      material.emissive.set(disks.colors[disks.codes[k]]).multiplyScalar(0.3);
-    }
+    inner.position.copy(disk.position);
+    inner.quaternion.copy(disk.quaternion);
+    inner.scale.set(Math.sqrt(share) || 1, Math.sqrt(share) || 1, 1);
+    const color = new T.Color(disks.colors[disks.codes[k]]), pale = color.clone().lerp(new T.Color("#ffffff"), 0.6);
+    [[disk, share < 1 ? pale : color], [inner, color]].forEach(([each, look]) => each.children.forEach(({ material }) => {
+      material.color.copy(look);
+      material.emissive.copy(look).multiplyScalar(0.3);
+    }));
   }
 
   // Follow from where the robot is now, so that the picture does not jump.
@@ -377,10 +384,13 @@ class Cues {
       cell.colSpan = normals ? 5 : 4;
       cell.className = "disks";
       cell.append("points: ");
+      const seen = new Set(motion.contacts.flatMap((c) => (c.disks ? [...bytes(c.disks.codes)] : [])));
       disks.disks.modes.forEach((mode, i) => {
+        if (!seen.has(i)) return;
         make("i", "", cell).style.background = disks.disks.colors[i];
         cell.append(`${mode} `);
       });
+      if (motion.contacts.some((c) => c.disks && c.disks.used)) make("div", "", cell, "filled: share of the friction used");
     }
     if (motion.com) row("centre of mass", motion.com);
     for (const name of motion.terrains || []) row(name, motion.terrainColor);

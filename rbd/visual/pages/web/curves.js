@@ -1,10 +1,13 @@
-// Curves of a motion: charts over time with the present moment marked; a click goes to a time. Beside the robot, in narrow
-// windows below it. The panel folds, and a row of buttons chooses charts.
-const NARROW_WINDOW = 900, LOW = 480;  // pixels
+// Curves of a motion: charts over time, drawn by uPlot, with the present moment marked. A click goes to a time; dragging across
+// shows what is between, in all charts, and a double click everything. Beside the robot, in narrow windows below it. The panel
+// folds, and a row of buttons chooses charts.
+const NARROW_WINDOW = 900, LOW = 480, CHART_HEIGHT = 114;  // pixels
+const POINTING = "Click: to that time. Drag across: enlarge.";
+const AXIS_FONT = '10px system-ui, "DejaVu Sans", sans-serif';
 
 class Curves {
   constructor(described, [first, last], names, go, changed) {
-    Object.assign(this, { first, last, names, changed });
+    Object.assign(this, { first, last, names, changed, span: [first, last], t: first, pointed: null });
     this.times = described.times.map(floats);
     this.panel = make("aside", "curves", document.body);
     this.panel.setAttribute("aria-label", "Curves");
@@ -12,6 +15,12 @@ class Curves {
     this.folder = make("button", "fold", head);
     this.folder.onclick = () => { this.fold(!this.folded); this.folder.blur(); };
     this.choices = make("span", "choices", head);
+    const reading = make("div", "reading", this.panel);
+    this.moment = make("output", "", reading, POINTING);
+    this.whole = make("button", "whole", reading, "whole time");
+    this.whole.title = "Show the whole time again (double click)";
+    this.whole.hidden = true;
+    this.whole.onclick = () => { this.zoom(first, last); this.whole.blur(); };
     this.box = make("div", "charts", this.panel);
     this.charts = described.charts.map((chart) => this.chart(chart, go));
     this.chosen = false;
@@ -48,60 +57,64 @@ class Curves {
   }
 
   chart({ name, title, low, top, log, limits, lines }, go) {
-    const [width, height, left, foot] = [300, 96, 30, 12];
     const button = make("button", "", this.choices, name);
     const node = make("section", "chart", this.box);
     make("h2", "", node, title);
-    const svg = draw("svg", node, { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title });
-    const x = (t) => left + ((width - left - 2) * (t - this.first)) / (this.last - this.first);
-    const scale = log ? (value) => Math.log10(Math.max(value, low)) : (value) => value;
-    const [from, to] = [scale(low), scale(top)];
-    const y = (value) => 4 + (height - foot - 4) * (1 - (Math.min(to, Math.max(from, scale(value))) - from) / (to - from));
-    const word = (text, at, anchor) => { draw("text", svg, { ...at, "text-anchor": anchor }).textContent = text; };
-    const written = [];
-    const tick = (value) => {
-      const at = Math.min(height - foot, Math.max(9, y(value) + 3));
-      if (written.some((other) => Math.abs(other - at) < 9)) return;
-      written.push(at);
-      word(log ? `1e${Math.round(Math.log10(value))}` : String(Number(value.toPrecision(3))), { x: left - 4, y: at }, "end");
-    };
-    const rule = (value, given) => draw("line", svg, { x1: left, x2: width, y1: y(value), y2: y(value), "stroke-width": 0.8, ...given });
-    for (const value of [low, top]) rule(value, { stroke: "#d5dbe1" });
-    if (low < 0 && top > 0) rule(0, { stroke: "#9aa5b1" });
-    for (const { value } of limits) if (value > low && value < top) rule(value, { stroke: "#1f2933", "stroke-dasharray": "4 3" });
-    for (const value of [...limits.map((limit) => limit.value), ...(low < 0 && top > 0 ? [0] : []), low, top]) {
-      if (value >= low && value <= top) tick(value);
-    }
-    word(`${Number(this.first.toPrecision(3))} s`, { x: left, y: height - 2 }, "start");
-    word(`${Number(this.last.toPrecision(4))} s`, { x: width - 2, y: height - 2 }, "end");
+    const home = make("div", "", node);
     const keys = this.times.map((_, i) => {
       const row = make("div", "keys", node);
       if (this.times.length > 1 && lines.some((line) => line.motion === i)) make("b", "", row, this.names[i]);
       return row;
     });
-    const shown = lines.map(({ name: what, color, values, width: thick, motion }) => {
-      const numbers = floats(values), times = this.times[motion];
-      let path = "", pen = false;
-      numbers.forEach((value, i) => {
-        if (Number.isFinite(value)) path += `${pen ? "L" : "M"}${x(times[i]).toFixed(1)} ${y(value).toFixed(1)}`;
-        pen = Number.isFinite(value);
-      });
-      const look = { fill: "none", stroke: color, "stroke-width": thick, "stroke-linejoin": "round" };
-      draw("path", svg, { d: path, ...look, ...(motion ? { "stroke-dasharray": "5 2.5" } : {}) });
+    const shown = lines.map(({ name: what, color, values, width, motion }) => {
       const key = make("span", "", keys[motion]);
       key.style.color = color;
-      return { name: what, numbers, motion, key };
-    });
-    for (const { name: what } of limits) make("span", "limit", keys[0], `- - ${what}`);
-    const now = draw("line", svg, { x1: 0, x2: 0, y1: 0, y2: height - foot, stroke: "#1f2933", "stroke-width": 1.2 });
-    const seek = (event) => {
-      const frame = svg.getBoundingClientRect();
-      const share = ((event.clientX - frame.left) * (width / frame.width) - left) / (width - left - 2);
-      go(this.first + Math.min(1, Math.max(0, share)) * (this.last - this.first));
-    };
-    svg.onpointerdown = (event) => { svg.setPointerCapture(event.pointerId); seek(event); };
-    svg.onpointermove = (event) => { if (event.buttons) seek(event); };
-    const made = { name, node, button, svg, shown, now, x, log, span: top - low };
+      return { name: what, color, width, numbers: floats(values), motion, key };
+    }).sort((a, b) => a.motion - b.motion);
+    for (const { name: what, value } of limits) make("span", "limit", keys[0], log ? `- - ${what}` : `- - ${what} ${inWords(value, log, top - low)}`);
+    const made = { name, node, button, shown, log, span: top - low };
+    // A log axis has no zero: what is smaller than its foot is drawn there. What is no number is a gap.
+    const drawn = (value) => (Number.isFinite(value) ? (log ? Math.max(value, low) : value) : null);
+    const tables = this.times.map((times, i) => [Array.from(times), ...shown.filter(({ motion }) => motion === i).map(({ numbers }) => Array.from(numbers, drawn))]);
+    const straight = limits.map(({ value }) => ({ value, color: "#1f2933", dash: [4, 3] }));
+    if (low < 0 && top > 0) straight.push({ value: 0, color: "#9aa5b1", dash: [] });
+    made.plot = new uPlot({
+      width: 300,
+      height: CHART_HEIGHT,
+      padding: [6, 14, 0, 0],
+      legend: { show: false },
+      cursor: {
+        y: false,
+        points: { show: false },
+        drag: { x: true, y: false, setScale: false },
+        sync: { key: "curves" },
+        bind: { dblclick: () => () => this.zoom(this.first, this.last) },
+      },
+      scales: {
+        x: { time: false, auto: false, min: this.first, max: this.last },
+        y: { distr: log ? 3 : 1, range: (_, least, most) => (this.zoomed && least !== null ? around(least, most, log) : [low, top]) },
+      },
+      axes: [axis("s", {}), axis("", log ? { splits: (_, i, from, to) => powers(from, to), filter: (_, splits) => splits } : { space: 22 })],
+      series: [{}, ...shown.map(({ color, width, motion }) => (
+        { stroke: color, width, dash: motion ? [5, 2.5] : [], points: { show: false } }))],
+      hooks: {
+        drawAxes: [(plot) => straight.forEach((line) => rule(plot, line))],
+        draw: [() => this.mark(made)],
+        setCursor: [(plot) => this.point(plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : null)],
+        setSelect: [(plot) => {
+          const { left, width } = plot.select;
+          if (width > 0) this.zoom(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
+        }],
+      },
+    }, tables.length > 1 ? uPlot.join(tables) : tables[0], home);
+    const { root, over } = made.plot;
+    root.setAttribute("role", "img");
+    root.setAttribute("aria-label", title);
+    over.addEventListener("click", ({ clientX }) => go(made.plot.posToVal(clientX - over.getBoundingClientRect().left, "x")));
+    made.now = make("div", "now", over);
+    new ResizeObserver(() => {
+      if (home.clientWidth) made.plot.setSize({ width: home.clientWidth, height: CHART_HEIGHT });
+    }).observe(home);
     button.title = title;
     button.onclick = () => {
       this.chosen = true;
@@ -112,6 +125,28 @@ class Curves {
     return made;
   }
 
+  get zoomed() {
+    return this.span[0] > this.first || this.span[1] < this.last;
+  }
+
+  // Shows a part of the time in all charts, each with an axis for what is in it.
+  zoom(from, to) {
+    this.span = [Math.max(this.first, from), Math.min(this.last, to)];
+    this.whole.hidden = !this.zoomed;
+    for (const { plot } of this.charts) {
+      plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+      plot.setScale("x", { min: this.span[0], max: this.span[1] });
+    }
+  }
+
+  // The line of the present time; none where a chart shows other times.
+  mark({ plot, now }) {
+    const [from, to] = this.span;
+    if (!now) return;
+    now.hidden = this.t < from || this.t > to;
+    now.style.left = `${plot.valToPos(this.t, "x")}px`;
+  }
+
   // Of each motion where a time is among its samples: the index of the one before, and the share of the way to the next.
   among(t) {
     return this.times.map((times) => {
@@ -120,14 +155,32 @@ class Curves {
     });
   }
 
-  // Marks a time, and writes the values of the curves there: straight between two samples, as they are drawn.
+  // Marks the present time.
   set(t) {
+    this.t = t;
+    for (const chart of this.charts) this.mark(chart);
+    if (this.pointed === null) this.write(t);
+  }
+
+  // Values at the time under the pointer; null: at the present one.
+  point(t) {
+    if (t === this.pointed || !this.charts) return;
+    this.pointed = t;
+    this.moment.textContent = t === null ? POINTING : `at ${Number(t.toPrecision(5))} s`;
+    this.write(t === null ? this.t : t);
+  }
+
+  // Writes the values of the curves at a time: straight between two samples, as they are drawn.
+  write(t) {
     const at = this.among(t);
-    for (const { shown, now, x, log, span } of this.charts) {
-      now.setAttribute("x1", x(t));
-      now.setAttribute("x2", x(t));
+    for (const { shown, log, span } of this.charts) {
       for (const { name, numbers, motion, key } of shown) key.textContent = `${name} ${inWords(valueAt(numbers, at[motion]), log, span)}`;
     }
+  }
+
+  remove() {
+    for (const { plot } of this.charts) plot.destroy();
+    this.panel.remove();
   }
 
   // Places the panel above a footer of so many pixels; what it takes of the window: {beside, below} in pixels.
@@ -143,6 +196,67 @@ class Curves {
     if (this.folded && !below) return { beside: 0, below: 0 };
     return below ? { beside: 0, below: high + 8 } : { beside: this.panel.offsetWidth + 14, below: 0 };
   }
+}
+
+// An axis with room for its longest number, sign and unit.
+function axis(unit, further) {
+  return {
+    font: AXIS_FONT,
+    stroke: "#5b6770",
+    gap: 3,
+    ticks: { size: 3, stroke: "#cbd2d9", width: 1 },
+    grid: { stroke: "#e4e8ec", width: 1 },
+    values: (_, splits) => splits.map((value) => (unit ? `${onAxis(value)} ${unit}` : onAxis(value))),
+    size: (plot, words, i, cycle) => {
+      if (unit) return 18;
+      if (cycle > 1) return plot.axes[i]._size;  // else the sizes of both axes could alternate for ever
+      plot.ctx.save();
+      plot.ctx.font = AXIS_FONT;
+      const widths = (words || []).map((word) => plot.ctx.measureText(word).width);
+      plot.ctx.restore();
+      return Math.ceil(8 + Math.max(16, ...widths));
+    },
+    ...further,
+  };
+}
+
+// A number at an axis, with its sign.
+function onAxis(value) {
+  const size = Math.abs(value);
+  return size > 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential().replace("e+", "e") : String(Number(value.toPrecision(6)));
+}
+
+// Numbers at a log axis: at most five powers of ten; 1, 2 and 5 times them where there are fewer than two.
+function powers(from, to) {
+  const [low, high] = [Math.ceil(Math.log10(from) - 1e-9), Math.floor(Math.log10(to) + 1e-9)];
+  const power = (k, of = 1) => Number(`${of}e${k}`);
+  if (high > low) {
+    const step = Math.ceil((high - low) / 4);
+    return Array.from({ length: Math.floor((high - low) / step) + 1 }, (_, i) => power(low + i * step));
+  }
+  return [low - 1, low].flatMap((k) => [1, 2, 5].map((of) => power(k, of))).filter((value) => value >= from && value <= to);
+}
+
+// An axis for numbers from the least to the most.
+function around(least, most, log) {
+  if (log) return [least / 1.5, most * 1.5];
+  const room = 0.06 * (most - least) || 0.05 * Math.max(Math.abs(most), 1e-3);
+  return [least - room, most + room];
+}
+
+// A straight line across a chart, where the axis has its value.
+function rule({ ctx, bbox, scales, valToPos }, { value, color, dash }) {
+  if (!(value >= scales.y.min && value <= scales.y.max)) return;
+  const y = Math.round(valToPos(value, "y", true)) + 0.5;
+  ctx.save();
+  ctx.strokeStyle = color;
+  ctx.lineWidth = devicePixelRatio;
+  ctx.setLineDash(dash.map((each) => each * devicePixelRatio));
+  ctx.beginPath();
+  ctx.moveTo(bbox.left, y);
+  ctx.lineTo(bbox.left + bbox.width, y);
+  ctx.stroke();
+  ctx.restore();
 }
 
 // Between two samples; where one of them is none, the nearer.

@@ -72,7 +72,7 @@ class Player {
     this.playing = false;
     for (const { cast } of this.reels) cast.remove();
     this.footer.remove();
-    if (this.curves) this.curves.panel.remove();
+    if (this.curves) this.curves.remove();
   }
 
   tick(now) {

@@ -106,7 +106,7 @@ class Toolbar {
       ...(player ? [
         ["space", "plays"], ["← →", "one frame, with shift ten"], ["↑ ↓", "speed"], ["PgUp PgDn", "from event to event"],
         ["Home End", "first and last frame"], ["f", "the camera follows the robot"],
-        ...(player.curves ? [["c", "folds the curves; a click on one goes there"]] : []),
+        ...(player.curves ? [["c", "folds the curves; a click on one goes there, dragging across enlarges"]] : []),
       ] : []),
     ];
     this.help.replaceChildren();
