@@ -147,8 +147,8 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
 
 @cache
 def _library() -> tuple[int, str]:
-    """Meshcat's viewer: its length, and its script deflated."""
-    script = text_of("meshcat", "viewer/dist/main.min.js").encode()
+    """Meshcat's viewer, a copy of that of meshcat 0.3.2: its length, and its script deflated."""
+    script = text_of("rbd.visual.pages", "web/meshcat/main.min.js").encode()
     return len(script), _deflated(script)
 
 
