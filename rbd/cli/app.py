@@ -106,6 +106,9 @@ def robots() -> None:
 def info(
     robot: RobotName,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
+    beside: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Another file of the same robot: list the numbers that differ.")
+    ] = None,
     package_dir: PackageDirs = None,
 ) -> None:
     """Show one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
@@ -116,7 +119,8 @@ def info(
     with answering(info):
         with warnings.catch_warnings(action="ignore", category=ModelWarning):  # the doctor's findings are printed below in full
             loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
-        console.print(robot_info(loaded), soft_wrap=False)
+            other = None if beside is None else load_robot(beside, package_dirs=package_dir or ())
+        console.print(robot_info(loaded, other), soft_wrap=False)
 
 
 @app.command()
