@@ -259,5 +259,5 @@ def doctor(robot: Robot, *, beside: Robot | None = None) -> ModelReport:
     report = replace(report, notes=(*report.notes, *more)) if more else report
     if beside is None:
         return report
-    file = beside.source.urdf.name
-    return replace(report, beside=file, differences=tuple(differences(robot, beside, file)))
+    name = beside.source.urdf.name
+    return replace(report, beside=name, differences=tuple(differences(robot, beside, name)))
