@@ -20,7 +20,7 @@ from pathlib import Path
 
 TOP = Path(__file__).resolve().parents[1]
 MINORS = range(11, 16)
-NEEDED = ("pytest>=8", "pytest-xdist>=3.6", "sympy>=1.13", "mujoco>=4", "matplotlib>=3.9")
+NEEDED = ("pytest>=8", "pytest-xdist>=3.6", "sympy>=1.13", "mujoco>=4", "matplotlib>=3.9", "gymnasium>=1.1")
 """Besides the package itself; what has no wheel for a Python is left out, and said."""
 _VERSION = "import sys; print(*sys.version_info[:3], sep='.')"
 _PASSED = re.compile(r"\b(\d+) (passed|failed|error|skipped)")
@@ -94,7 +94,7 @@ def run(python: Path, version: str, folder: Path, tests: Sequence[str], workers:
     left = [name for name in NEEDED[2:] if subprocess.run([*one, name], capture_output=True).returncode]
     start = time.perf_counter()
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    command = [bin_, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", workers, *tests]
+    command = [bin_, "-m", "pytest", "-p", "no:cacheprovider", "-n", workers, *tests]
     done = subprocess.run(command, cwd=TOP, env=environment, capture_output=True, text=True)
     counts = ", ".join(f"{n} {what}" for n, what in _PASSED.findall(done.stdout.strip().rpartition("\n")[2]))
     if done.returncode:
