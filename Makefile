@@ -8,7 +8,7 @@ QUICK := $(addprefix tests/,test_layers.py test_cones.py test_problem.py test_re
 	test_state.py test_dynamics.py test_robot.py test_equilibrium.py test_rows.py test_errors.py solvers/test_kkt.py \
 	solvers/test_newton.py constraints/test_loop.py mechanism/test_assembly.py simulation/test_impacts.py test_readme.py)
 
-.PHONY: help demo docs test test-long time-tests quick exhaustive lint bench bench-contact fuzz mutants coverage pictures clean
+.PHONY: help demo docs test test-long time-tests quick exhaustive lint pythons dist bench bench-contact fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
@@ -16,6 +16,8 @@ help:
 	@echo "make test-long the others, in a quarter of an hour; CI runs both"
 	@echo "make quick     what a change breaks first, in half a minute"
 	@echo "make exhaustive all tests, statistical ones with all their draws"
+	@echo "make pythons   the quick tests on every Python that is installed, which the classifiers follow"
+	@echo "make dist      wheel and sdist into dist/, and the demo from each in a clean environment"
 	@echo "make bench     what answers and steps cost beside Pinocchio's and MuJoCo's own calls, with their marks"
 	@echo "make bench-contact  friction solvers by recomputed residual: the tables of docs/reference/contact_bench.md; FILES=folder of public problems"
 	@echo "make fuzz      robot files broken on purpose (N=20000 URDF, N_MJCF=4000 MJCF) and PROBLEMS=5000 random problems: refused by name, or right"
@@ -53,6 +55,12 @@ exhaustive: $(MARKER)
 
 quick: $(MARKER)
 	$(BIN)/python -m pytest -n auto --dist worksteal $(QUICK)
+
+pythons: $(MARKER)
+	$(BIN)/python tests/pythons.py $(QUICK)
+
+dist: $(MARKER)
+	$(BIN)/python tests/dist.py
 
 lint: $(MARKER)
 	$(BIN)/ruff check .
@@ -96,4 +104,4 @@ pictures: $(MARKER)
 	$(BIN)/python docs/pictures/make.py
 
 clean:
-	rm -rf $(VENV) docs/_build .mutants .coverage* .pytest_cache .mypy_cache .ruff_cache talos.html
+	rm -rf $(VENV) docs/_build .mutants .coverage* .pytest_cache .mypy_cache .ruff_cache dist talos.html

@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import hashlib
 import os
+import selectors
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache, update_wrapper
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -81,6 +83,23 @@ def before_compiling(module: str) -> None:
 _lessons: list[str] = []
 
 
+Bar: TypeAlias = "Callable[[int], AbstractContextManager[Callable[[int], None]]]"
+
+
+@contextmanager
+def _no_bar(count: int) -> Iterator[Callable[[int], None]]:
+    yield _nothing
+
+
+def show_progress(bar: Bar) -> None:
+    """Show what compiling has done, where it takes long; by default a line says once that it goes on.
+
+    Args:
+        bar: Given the number of functions, a context whose function is told how many are compiled.
+    """
+    _Process.bar = staticmethod(bar)
+
+
 class _Process:
     """What this process did.
 
@@ -89,12 +108,14 @@ class _Process:
         inside: Whether one runs now.
         told: Whether it has said that it compiles.
         shared: Whether it has let other processes compile.
+        bar: Shows how much is done: given a count, a context whose function is told how many are.
         compiled: Functions compiled so far, by their names, once for each set of types.
         kept: Whether they are kept on disk.
     """
 
     few = 0 if os.environ.get("RBD_COMPILED") else FEW
     inside = told = shared = False
+    bar: Bar = staticmethod(_no_bar)
     compiled: tuple[str, ...] = ()
     kept = True
 
@@ -219,15 +240,45 @@ def warm_up() -> tuple[str, ...]:
     code = "import sys; from rbd import kernels; print(*kernels.share(int(sys.argv[1]), int(sys.argv[2])))"
     own = [[sys.executable, "-c", code, str(i), str(n)] for i in range(n if n > 1 and in_use() and not _Process.shared else 0)]
     others = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in own]
-    _Process.compiled += tuple(name for other in others for name in other.communicate()[0].split())
+    if others:
+        _import()
+    with _Process.bar(sum(kernel.types is not None for kernel in _kernels)) as reached:
+        for done, line in enumerate(_lines(others), 1):
+            _Process.compiled += tuple(line.split())
+            reached(done)
     _Process.shared = True
     prepare(every=True)
     return _Process.compiled
 
 
+def _lines(others: list[subprocess.Popen[str]]) -> Iterator[str]:
+    """What processes print, line by line as it comes, until all have ended."""
+    with selectors.DefaultSelector() as waited_for:
+        for other in others:
+            assert other.stdout is not None
+            waited_for.register(other.stdout, selectors.EVENT_READ, other)
+        while waited_for.get_map():
+            for key, _ in waited_for.select():
+                if line := key.fileobj.readline():  # type: ignore[union-attr]
+                    yield line
+                else:
+                    waited_for.unregister(key.fileobj)
+                    key.fileobj.close()  # type: ignore[union-attr]
+                    key.data.wait()
+
+
+@contextmanager
+def _line_for_each(count: int) -> Iterator[Callable[[int], None]]:
+    yield lambda done: print(flush=True)
+
+
 def share(i: int, n: int) -> tuple[str, ...]:
-    """Compile every n-th function that has a signature, from the i-th on, and what these call; the names."""
+    """Compile every n-th function that has a signature, from the i-th on, and what these call; the names.
+
+    A line without a name is printed for each that is done.
+    """
     _Process.told = True
+    show_progress(_line_for_each)
     _import()
     _make([kernel for kernel in _kernels if kernel.types is not None][i::n])
     return _Process.compiled
@@ -238,9 +289,12 @@ def _make(kernels: Sequence[Kernel]) -> None:
     _listen()
     for name in _lessons:
         import_module(name)
-    for kernel in kernels:
-        if kernel.types is not None:
+    own = [kernel for kernel in kernels if kernel.types is not None]
+    with _Process.bar(len(own)) as reached:
+        for done, kernel in enumerate(own, 1):
             kernel.compile()
+            if _Process.compiled:  # to load what is on disk takes a second, and is no compiling
+                reached(done)
 
 
 def _type(kind: Any) -> Any:

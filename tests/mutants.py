@@ -53,7 +53,7 @@ PLACES = """model/dynamics.py model/state.py model/mjcf problem constraints solv
 mechanism planar studies""".split()
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.txt")
 LOADED_ONCE = """coverage hypothesis numpy scipy.linalg scipy.optimize scipy.spatial scipy.integrate scipy.sparse pinocchio coal
-meshcat sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()
+tornado sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()
 QUIET = ["-q", "--tb=no", "-p", "no:cacheprovider", "--assert=plain"]
 BATCHES = (15, 60, 10**6)  # tests run at a time: the quickest need few files collected
 BUDGET_SECONDS = 240.0  # of tests per mutant, by the times that were recorded

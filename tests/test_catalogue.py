@@ -331,6 +331,15 @@ def test_without_the_data_the_remedy_is_named(tmp_path: Path, monkeypatch: pytes
         catalogue.find("other.urdf")
 
 
+def test_the_data_of_a_conda_package_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below the environment's `share`, where pip knows of no such package, or of one without its folder."""
+    (tmp_path / "share" / "example-robot-data").mkdir(parents=True)
+    (place := tmp_path / "share" / "example-robot-data" / "robots").symlink_to(catalogue.robots_folder())
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.setattr(catalogue, "distribution", lambda name: SimpleNamespace(locate_file=lambda inside: tmp_path / "none"))
+    assert catalogue.find("talos").urdf.is_relative_to(place)
+
+
 def test_data_packed_another_way_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A package of that name without the folder of pip's own: what is missing, and what to install."""
     monkeypatch.setattr(catalogue, "distribution", lambda name: SimpleNamespace(locate_file=lambda place: tmp_path / "none"))

@@ -138,6 +138,21 @@ def test_compiling_is_told_once_and_kept(sums):
     assert python(SUM, sums, RBD_COMPILED="1") == (out, "")
 
 
+BAR = """
+import contextlib
+from rbd import kernels
+@contextlib.contextmanager
+def bar(count):
+    yield lambda done: print(f"{done} of {count}")
+kernels.show_progress(bar)
+"""
+
+
+def test_a_bar_is_told_of_what_is_compiled_and_not_of_what_is_loaded(sums):
+    """As `rbd` shows on a terminal; the second process only loads."""
+    assert [python(BAR + SUM, sums, RBD_COMPILED="1")[0].split("\n")[:-1] for _ in range(2)] == [["1 of 1", "7.0 1"], ["7.0 1"]]
+
+
 def test_a_part_has_no_machine_code_and_runs_as_it_is_written(sums):
     """A function without types of arguments, called from Python beside what is compiled: the same number, and nothing kept."""
     out, _ = python(SUM + "import part_kernel\nprint(part_kernel.part(3.0))", sums, RBD_COMPILED="1")

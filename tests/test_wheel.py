@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -63,6 +64,21 @@ def test_the_wheel_holds_the_package_and_its_mechanisms(wheel: Path):
     models = [path for path in (TOP / "urdf").iterdir() if path.suffix in (".urdf", ".yaml", ".md")]
     assert {f"rbd/robots/urdf/{path.name}" for path in models} <= names and "rbd/robots/urdf/make.py" not in names
     assert not [name for name in names if not re.match(r"rbd(_contact-[^/]*)?/", name)]
+
+
+def test_wheel_and_sdist_hold_all_that_the_package_reads(wheel: Path, tmp_path: Path):
+    """Every file of the package but caches is in both; the viewer's licences are in the wheel's metadata."""
+    build = "import sys; from hatchling.build import build_sdist; print(build_sdist(sys.argv[1]))"
+    run = subprocess.run([sys.executable, "-c", build, str(tmp_path)], cwd=TOP, capture_output=True, text=True, check=True)
+    with tarfile.open(tmp_path / run.stdout.split()[-1]) as archive:
+        inside = {name.partition("/")[2]: name for name in archive.getnames()}
+    files = {path.relative_to(TOP).as_posix() for path in (TOP / "rbd").rglob("*") if path.is_file()}
+    needed = {name for name in files if "__pycache__" not in name}
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert "rbd/visual/pages/web/meshcat/main.min.js" in needed and needed <= names and needed <= set(inside)
+    assert {"pyproject.toml", "README.md", "urdf/four_bar.urdf", "tests/test_wheel.py"} <= set(inside)
+    licences = [name for name in names if ".dist-info/licenses/" in name]
+    assert len(licences) == 4 and sum("web/meshcat" in name for name in licences) == 3
 
 
 def test_mechanisms_load_by_name_from_the_wheel(installed: Path):

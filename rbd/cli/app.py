@@ -21,6 +21,7 @@ from rich.progress import track
 from rbd.cli.audit_command import audit
 from rbd.cli.check_command import check
 from rbd.cli.ground_option import GroundOption, ground_of
+from rbd.cli.options import Completing, in_panels
 from rbd.cli.stand_command import region, stand
 from rbd.cli.terminal import (
     FIGURES,
@@ -59,7 +60,7 @@ MOST_SAMPLES = 10_000
 """Largest number of recorded samples by default."""
 
 
-app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 def _print_version(wanted: bool) -> None:
@@ -78,12 +79,12 @@ def rbd(
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input, 130 interrupted."""
 
 
-app.command()(stand)
-app.command()(region)
-app.command()(check)
-app.command()(walk)
-app.command()(audit)
-app.command()(verify)
+app.command(cls=Completing)(in_panels(stand))
+app.command(cls=Completing)(in_panels(region))
+app.command(cls=Completing)(in_panels(check))
+app.command(cls=Completing)(in_panels(walk))
+app.command(cls=Completing)(in_panels(audit))
+app.command(cls=Completing)(in_panels(verify))
 
 
 @app.command()
@@ -102,10 +103,14 @@ def robots() -> None:
         console.print(robots_table(lines))
 
 
-@app.command()
+@app.command(cls=Completing)
+@in_panels
 def info(
     robot: RobotName,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
+    beside: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Another file of the same robot: list the numbers that differ.")
+    ] = None,
     package_dir: PackageDirs = None,
 ) -> None:
     """Show one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
@@ -116,10 +121,12 @@ def info(
     with answering(info):
         with warnings.catch_warnings(action="ignore", category=ModelWarning):  # the doctor's findings are printed below in full
             loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
-        console.print(robot_info(loaded), soft_wrap=False)
+            other = None if beside is None else load_robot(beside, package_dirs=package_dir or ())
+        console.print(robot_info(loaded, other), soft_wrap=False)
 
 
-@app.command()
+@app.command(cls=Completing)
+@in_panels
 def mechanism(
     file: Annotated[str, typer.Argument(help="Path of a URDF (its loops in FILE.loops.yaml) or MJCF, or name of a robot.")],
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
@@ -158,7 +165,8 @@ def mechanism(
                     serve(console, scene.open())
 
 
-@app.command()
+@app.command(cls=Completing)
+@in_panels
 def simulate(
     robot: Annotated[str, typer.Argument(help="Name of a robot (talos, ur5, ...) or path of a URDF (urdf/four_bar.urdf).")],
     duration: Annotated[float, typer.Option(help="Seconds to simulate.")] = 2.0,
@@ -240,7 +248,8 @@ def simulate(
         end(console, trajectory, stopped, external, show=show and plays)
 
 
-@app.command()
+@app.command(cls=Completing)
+@in_panels
 def plane(
     from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Where the end point begins, in metres.")],
     to: Annotated[str, typer.Option(metavar="X,Y", help="Where it ends, in metres.")],

@@ -101,14 +101,14 @@ def robots_table(lines: Iterable[RobotLine]) -> TerminalTable:
     return table
 
 
-def robot_info(robot: Robot) -> Group:
-    """The tables of `rbd info`: joints with limits, frames, feet, postures, mass, and what the model validation found."""
+def robot_info(robot: Robot, beside: Robot | None = None) -> Group:
+    """The tables of `rbd info`: joints with limits, frames, feet, postures, mass, and the doctor's report."""
     head = Text(
         f"{robot.name}: {robot.mass:.3f} kg, nq {robot.nq}, nv {robot.nv}, {robot.nu} motors, "
         f"{_BASES[robot.root]} base, file {robot.urdf.name}"
     )
     head.append(f"\nlicence of its files: {licence(robot.source) or 'none is stated beside them'}")
-    if (found := doctor(robot)).errors or found.warnings:
+    if (found := doctor(robot, beside=beside)).errors or found.warnings:
         remarks = found.summary().removeprefix(f"{found.robot}: ").removesuffix(REMEDY)
         head.append(f"\nremarks on its file: {in_commands(remarks)}All are below.")
     feet = ", ".join(f"{foot.name} ({foot.kind} on {foot.frame})" for foot in robot.source.feet) or "none known"

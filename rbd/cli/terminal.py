@@ -14,7 +14,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias, get_args, get_type_hints
 
@@ -27,6 +27,7 @@ from rich.text import Text
 from typer.models import OptionInfo
 
 from rbd.errors import InputError, NoSolution, RbdError, Reason, SimulationStopped, StudyStopped
+from rbd.kernels import show_progress
 from rbd.model.output_files import check_place, write_file, write_text
 from rbd.records import plain
 
@@ -164,6 +165,7 @@ def answering(command: Command | None = None) -> Iterator[None]:
     Args:
         command: The command whose options appear in messages.
     """
+    show_progress(_compiling)
     with warnings.catch_warnings(record=True, action="always") as caught:
         try:
             yield
@@ -177,6 +179,13 @@ def answering(command: Command | None = None) -> Iterator[None]:
             messages = [str(w.message) for w in caught if not issubclass(w.category, _SILENT)]
             for message in dict.fromkeys(in_options(message, command) for message in messages):
                 _complain("warning", "yellow", message)
+
+
+def _compiling(count: int) -> AbstractContextManager[Callable[[float], None]]:
+    """The bar of so many functions to compile."""
+    from rbd.simulation.progress_bar import progress_of
+
+    return progress_of(range(count + 1), doing="compiling (once)")
 
 
 def in_commands(text: str) -> str:
@@ -280,8 +289,10 @@ def print_report(console: Console, report: Any, path: Path | None, verbose: bool
 
 
 def print_path(console: Console, what: str, where: Path | str) -> None:
-    """Print where a file is."""
+    """Print where a file is; of a page also its address, on a line of its own, which a terminal opens at a click."""
     console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+    if Path(where).suffix.lower() in PAGES:
+        console.print(Path(where).absolute().as_uri(), soft_wrap=True, highlight=False)
 
 
 def write_outputs(console: Console, *outputs: tuple[str, Path | None, Callable[[Path], object]]) -> None:

@@ -7,6 +7,7 @@ names in the alphabet.
 from __future__ import annotations
 
 import os.path
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -87,6 +88,8 @@ def read(
     limits = FileLimits() if limits is None else limits
     data = file_bytes(path, limits.max_bytes) if data is None else data
     element = parse_xml(path.name, data, limits)
+    if not known and b"xacro" in data:
+        _refuse_macros(path.name, element)
     if element.tag == "mujoco":
         text = None if element.find(".//include") is not None else data.decode()
         carry_out_includes(path, element, limits, folders)
@@ -100,6 +103,24 @@ def read(
     shapes.refuse()
     check_freedoms(path, urdf.freedoms + base, limits)
     return RobotFile(path, element, urdf, tuple(_remarks(urdf, element)), _urdf_meshes(element))
+
+
+def _refuse_macros(file: str, element: ElementTree.Element) -> None:
+    """Refuse a xacro, whose macros and expressions would be passed over.
+
+    Raises:
+        ModelError: with the command that expands it.
+    """
+    # An expanded file still has the namespace, and macros in comments.
+    macro = next((e.tag for e in element.iter() if e.tag.startswith("{") and "xacro" in e.tag.partition("}")[0]), None)
+    if macro is not None:
+        out = re.sub(r"(\.urdf)?\.xacro$", "", file) + ".urdf"
+        out = out if out != file else f"expanded_{file}"
+        raise ModelError(
+            f"{file} is a xacro: its <xacro:{macro.partition('}')[2]:.40}> stands for XML that is not written yet; expected a "
+            f"URDF. Expand it: xacro {file} > {out}, with its arguments as name:=value (pip install xacro, where there is no "
+            f"ROS), then load {out}."
+        )
 
 
 def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import sys
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -233,16 +234,21 @@ def robots() -> list[str]:
 
 
 def robots_folder() -> Path:
-    """The `robots/` folder of the installed robot data.
+    """The `robots/` folder of the installed robot data: of pip's package, else of conda's.
 
     Raises:
         ModelError: if the package is not installed, or installed in a way that `rbd` does not know.
     """
     remedy = f"try: pip install {DATA}"
+    conda = Path(sys.prefix) / "share" / DATA / "robots"
     try:
         folder = Path(str(distribution(DATA).locate_file(ROBOTS)))
     except PackageNotFoundError:
+        if conda.is_dir():
+            return conda
         raise ModelError(f"the robots come with the package {DATA!r}, which is not installed here; {remedy}") from None
+    if not folder.is_dir() and conda.is_dir():
+        return conda
     if not folder.is_dir():
         raise ModelError(f"{DATA} is installed, but without the folder {ROBOTS!r} of its pip package; {remedy}")
     return folder

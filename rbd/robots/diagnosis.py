@@ -95,6 +95,8 @@ class ModelReport(Displayed):
         errors: Issues that make answers wrong; `load_robot` refuses such a robot.
         warnings: What a user should know.
         notes: Loop closures, wheels and drives, for information.
+        beside: Name of the other file of the robot, of `rbd.doctor(robot, beside=other)`; empty without one.
+        differences: What the other file states otherwise.
 
     Example:
         >>> report = rbd.doctor(rbd.load_robot("talos"))
@@ -106,6 +108,8 @@ class ModelReport(Displayed):
     errors: tuple[ModelIssue, ...]
     warnings: tuple[ModelIssue, ...]
     notes: tuple[ModelIssue, ...] = ()
+    beside: str = ""
+    differences: tuple[ModelIssue, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -116,8 +120,11 @@ class ModelReport(Displayed):
         """A table, one line a finding."""
         found = [("ERROR", f) for f in self.errors] + [("warning", f) for f in self.warnings]
         head = f"{self.robot}: {len(self.errors)} errors, {len(self.warnings)} warnings"
-        head += "" if found else ". Nothing is wrong with it."
-        found += [("note", f) for f in self.notes]
+        if self.beside:
+            count = len(self.differences)
+            head += f", {count} difference{'s' * (count != 1)} from {self.beside}"
+        head += "" if found or self.differences else ". Nothing is wrong with it."
+        found += [("differs", f) for f in self.differences] + [("note", f) for f in self.notes]
         if not found:
             return head
         kind, where = (max(len(getattr(f, key)) for _, f in found) for key in ("kind", "where"))

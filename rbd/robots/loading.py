@@ -19,6 +19,7 @@ from rbd.model.input_files import FileLimits, parse_xml
 from rbd.model.mjcf import Mjcf, check_leave_out
 from rbd.model.world import STANDARD, Plane, checked_gravity, checked_plane, is_standard
 from rbd.robots import catalogue, travelling
+from rbd.robots.compared import differences
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse, with_rotors
 from rbd.robots.feet import registered
 from rbd.robots.loop_file import ROOTS, LoopFile, Root
@@ -208,7 +209,7 @@ def _known_again(
     return robot
 
 
-def doctor(robot: Robot) -> ModelReport:
+def doctor(robot: Robot, *, beside: Robot | None = None) -> ModelReport:
     """Report on the faults of a robot, and on the contents of its file that the dynamics ignore.
 
     Errors: masses and inertias that are not finite, negative masses, joints whose outboard bodies leave M singular or
@@ -219,16 +220,30 @@ def doctor(robot: Robot) -> ModelReport:
 
     If the file no longer exists, the report at loading, with a note. A robot in memory keeps its text, which is read again.
 
+    Args:
+        robot: Whose report.
+        beside: The same robot by another file, as an MJCF beside a URDF: `differences` are then the joints, axes, limits,
+            efforts, speeds, rotor inertias, masses, centres and inertias that this file states otherwise, by more than a file's
+            rounding, 0.1 %, 1 mm or 1 mrad. Joints are the same by name, also where case, punctuation or the word "joint"
+            differ; places, axes and inertias are those at q = 0.
+
     Raises:
-        InputError: not a robot.
+        InputError: not a robot; one beside itself.
         ModelError: its file is broken since.
 
     Example:
         >>> print(rbd.doctor(rbd.load_robot("solo12")))
         solo12: 0 errors, 0 warnings. Nothing is wrong with it.
+        >>> lifted = rbd.load_robot("solo12").with_motors({"FL_KFE": rbd.Motor(limit=4.0)})
+        >>> print(rbd.doctor(rbd.load_robot("solo12"), beside=lifted).differences[0].text)
+        1000 N m here, 4 N m in solo12.urdf
     """
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    if beside is not None and (not isinstance(beside, CheckedModel) or not hasattr(beside, "source")):
+        raise InputError(f"beside is {type(beside).__name__}; expected the same robot by another file: rbd.load_robot(path).")
+    if beside is robot:
+        raise InputError("beside is the robot itself; expected the same robot by another file: rbd.load_robot(path).")
     source, more = robot.source, []
     data = robot.text.encode() if source.in_memory else None
     if not is_standard(robot.gravity):
@@ -241,4 +256,8 @@ def doctor(robot: Robot) -> ModelReport:
         folders = source.package_dirs
         file = read(source.place, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
         report = examine(robot, file, robot.postures, source.package_dirs)
-    return replace(report, notes=(*report.notes, *more)) if more else report
+    report = replace(report, notes=(*report.notes, *more)) if more else report
+    if beside is None:
+        return report
+    name = beside.source.urdf.name
+    return replace(report, beside=name, differences=tuple(differences(robot, beside, name)))

@@ -16,14 +16,14 @@ from rbd.errors import InputError, RbdError, nearest
 from rbd.errors.reasons import Reason
 from rbd.records import Field, Named, Variable
 from rbd.studies.provenance import storable
-from rbd.studies.samples import RESERVED
+from rbd.studies.samples import OWN, RESERVED
 
 Function: TypeAlias = Callable[[Any], Any]
 Keep: TypeAlias = Sequence[str | Mapping[str, Function]] | Mapping[str, Function] | None
 """What `rbd.study` takes: names; {name: function of a result}; or names and such mappings; None: the defaults."""
 Rows: TypeAlias = tuple[Array, Mapping[int, str]]
 """Of n rows: `Reason.code` of each, shape (n,), 0 where there is an answer; {row: message} of the others."""
-OK, REASON, MESSAGE = RESERVED
+OK, REASON, MESSAGE = OWN
 """Variables that every study has."""
 LONGEST_MESSAGE = 1000
 """Characters of a message that are kept."""

@@ -19,7 +19,9 @@ from rbd.records import joined
 
 MOST_SAMPLES = 2**53
 """More are refused: beyond, a sample's number is not exact as a float."""
-RESERVED = ("ok", "reason", "message")
+OWN = ("ok", "reason", "message")
+"""What every sample has in a store."""
+RESERVED = (*OWN, "reason_text")
 """Variables that every dataset of a study has."""
 ONE = "sample"
 """The dimension, of length 1, of samples of which no argument varies."""

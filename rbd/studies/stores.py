@@ -10,7 +10,7 @@ import os
 import shutil
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -27,7 +27,7 @@ from rbd.modules import of_extra, xarray_or_error
 from rbd.records import Variable
 from rbd.studies.provenance import check_format, continued, now, storable
 from rbd.studies.results import REASON, Block, Layout, joined, labelled
-from rbd.studies.samples import ONE, RESERVED, Samples
+from rbd.studies.samples import ONE, OWN, RESERVED, Samples
 
 if TYPE_CHECKING:
     import xarray
@@ -67,6 +67,41 @@ def filled(
         for name, v in variables.items()
     }
     return xarray_or_error().Dataset(values, {**coords, **labels}, attributes)
+
+
+def with_texts(found: xarray.Dataset) -> xarray.Dataset:
+    """A dataset with `reason_text` after `reason`: the reason of each sample in words, empty where there is a result.
+
+    It is made of the codes, in memory or as they are read, and is not stored.
+    """
+    codes = found[REASON].variable
+    known = dict(zip(np.atleast_1d(codes.attrs["flag_values"]).tolist(), codes.attrs["flag_meanings"].split(), strict=True))
+    known |= {reason.code: str(reason) for reason in Reason}
+
+    def texts(some: Array) -> Array:
+        numbers, where = np.unique(some, return_inverse=True)
+        return np.array([known.get(number, str(number)) for number in numbers.tolist()], object)[where].reshape(some.shape)
+
+    text = RESERVED[-1]
+    values = texts(codes.values) if codes._in_memory else _lazily(codes, texts)
+    whole = found.assign({text: (codes.dims, values, {"long_name": "why there is none, in words"})})
+    own = [*OWN[:2], text, *OWN[2:]]
+    return whole[[*own, *(name for name in found.data_vars if name not in own)]]
+
+
+def _lazily(codes: xarray.Variable, texts: Callable[[Array], Array]) -> Any:
+    """What is made of an array as parts of it are read."""
+    from xarray.backends import BackendArray
+    from xarray.core import indexing
+
+    class Texts(BackendArray):
+        shape, dtype = codes.shape, np.dtype(object)
+
+        def __getitem__(self, key: Any) -> Any:
+            outer = indexing.IndexingSupport.OUTER
+            return indexing.explicit_indexing_adapter(key, self.shape, outer, lambda some: texts(codes[some].values))
+
+    return indexing.LazilyIndexedArray(Texts())
 
 
 def outcome_of(reason: Array) -> dict[str, str]:
@@ -251,7 +286,7 @@ class Store:
         if self.path is not None and self.path.exists():
             return read(self.path)
         found = self._rows(0, next(iter(self.dims.values())))
-        return found.assign_attrs(outcome_of(found[REASON].values))
+        return with_texts(found.assign_attrs(outcome_of(found[REASON].values)))
 
     def _rows(self, start: int, stop: int) -> xarray.Dataset:
         """The dataset of some places along the first dimension."""
@@ -430,11 +465,11 @@ def read(path: Path) -> xarray.Dataset:
         if not known:
             raise ValueError("it was written by xarray, which reads it, and is no store that rbd.study wrote as out=")
         found = _opened(path, consolidated=True)
-        if not set(RESERVED) <= set(found.data_vars):
-            raise ValueError(f"it lacks {', '.join(RESERVED)}")
+        if not set(OWN) <= set(found.data_vars):
+            raise ValueError(f"it lacks {', '.join(OWN)}")
         if lacks := found.attrs.pop(FILES) - len(list(path.rglob("*"))):
             raise ValueError(f"{lacks} of its files are missing")
-        return found.load() if found.nbytes <= LOADED else found
+        return with_texts(found.load() if found.nbytes <= LOADED else found)
     except InputError:
         raise
     except Exception as error:  # readers can raise any exception on invalid bytes

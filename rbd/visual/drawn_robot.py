@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-import meshcat
 import numpy as np
 import pinocchio as pin
 
@@ -16,7 +15,7 @@ from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.visual.marks.picture import Entry, entry
 from rbd.visual.packed_meshes import send_part
-from rbd.visual.pages.server import Recorder
+from rbd.visual.pages.recorder import Recorder, ViewerNode
 from rbd.visual.robot_layers import bodies, collision_parts
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.shapes import Mesh, joined, outermost
@@ -206,7 +205,7 @@ class DrawnRobot:
         recorder: Gets the names of its bodies.
     """
 
-    def __init__(self, robot: Robot, viewer: meshcat.Visualizer, recorder: Recorder) -> None:
+    def __init__(self, robot: Robot, viewer: ViewerNode, recorder: Recorder) -> None:
         self._robot, self._viewer, self._recorder = robot, viewer, recorder
         self._parts: tuple[RobotPart, ...] | None = None
         self._cloud: Array | None = None

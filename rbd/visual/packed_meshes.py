@@ -13,11 +13,11 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import meshcat
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.visual.marks.mark import Mark
+from rbd.visual.pages.recorder import ViewerNode
 from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import Mesh, joined
 
@@ -100,13 +100,13 @@ def _corners(faces: Array) -> bytes:
     return np.stack([(below >> (8 * i)) & 255 for i in range(CORNER_BYTES)]).astype(np.uint8).tobytes()
 
 
-def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer: int = 0) -> None:
+def send_part(viewer: ViewerNode, path: str, part: RobotPart, *, nearer: int = 0) -> None:
     """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
     look = {"kind": "part", "color": part.color, "opacity": part.opacity}
     _send(viewer[path], part.mesh, {**look, "nearer": nearer} if nearer else look)
 
 
-def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:
+def send_mark(viewer: ViewerNode, mark: Mark) -> None:
     """Send a mark; the page also draws its ghost if it shines through what hides it, at the path and "_seen_through"."""
     kind = "part" if mark.scenery else "mark"
     told = {"kind": kind, "color": mark.color, "opacity": mark.opacity, "through": mark.seen_through}
@@ -129,5 +129,5 @@ def described(marks: Sequence[Mark], layers: Mapping[str, bool]) -> str:
     return json.dumps({"marks": {"layers": dict(layers), "listed": listed}})
 
 
-def _send(node: meshcat.Visualizer, mesh: Mesh, told: Mapping[str, object]) -> None:
-    node.window.send(PlacedShape(node.path.lower(), told, mesh))
+def _send(node: ViewerNode, mesh: Mesh, told: Mapping[str, object]) -> None:
+    node.recorder.send(PlacedShape(node.path, told, mesh))

@@ -9,7 +9,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-import meshcat
 import numpy as np
 
 from rbd.arrays import Array, check_flag, check_positive
@@ -30,7 +29,7 @@ from rbd.visual.packed_meshes import described, send_mark, send_part
 from rbd.visual.pages.browser import Browser, Closing
 from rbd.visual.pages.link import checked_layers, checked_view
 from rbd.visual.pages.page import offline_page, photograph, write_page
-from rbd.visual.pages.server import LiveServer, Recorder, drawn_together
+from rbd.visual.pages.recorder import Recorder, ViewerNode, drawn_together
 from rbd.visual.robot_layers import a_direction, camera_and_ground, frames, front_of, seen_from
 from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.style import a_page, a_picture, contact_colors
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from rbd.answers.solution import Solution
     from rbd.robots.robot import Robot
     from rbd.statics.actuation import Actuation
+    from rbd.visual.pages.server import LiveServer
 
 
 class Scene(Displayed, Closing):
@@ -99,7 +99,7 @@ class Scene(Displayed, Closing):
         self._ground = ground
         self.recorder = Recorder()
         """The messages of the scene, to its pages and from them."""
-        self._viewer = meshcat.Visualizer(window=self.recorder)
+        self._viewer = ViewerNode(self.recorder)
         self._body = DrawnRobot(robot, self._viewer, self.recorder)
         self._sizes: Sizes | None = None
         self._seen: list[str] = []
@@ -167,6 +167,8 @@ class Scene(Displayed, Closing):
     def url(self) -> str:
         """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
         if self._server is None:
+            from rbd.visual.pages.server import LiveServer
+
             self._server = LiveServer(self.recorder, self.robot.name)
         return self._server.url
 

@@ -8,7 +8,6 @@ import webbrowser
 from os import PathLike
 from pathlib import Path
 
-import meshcat
 import numpy as np
 
 from rbd.arrays import Array
@@ -21,7 +20,7 @@ from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain, terrain_marks
 from rbd.visual.packed_meshes import described, send_mark
 from rbd.visual.pages.link import checked_layers
 from rbd.visual.pages.page import offline_page, write_page
-from rbd.visual.pages.server import Recorder
+from rbd.visual.pages.recorder import Recorder, ViewerNode
 from rbd.visual.robot_layers import FRONT_LEFT, camera_and_ground
 from rbd.visual.style import a_page
 
@@ -41,7 +40,7 @@ def terrain_page(terrain: Terrain) -> str:
     """
     check_kind("terrain", terrain, Terrain, "an rbd.Terrain: rbd.Terrain.stairs(0.1, 0.3, 3)")
     recorder = Recorder()
-    viewer = meshcat.Visualizer(window=recorder)
+    viewer = ViewerNode(recorder)
     corners = corners_of(terrain)
     size = float(np.clip(0.25 * np.ptp(corners[:, :2], axis=0).max(), LEAST, MOST))
     sizes, layers = Sizes(size, 1.0), checked_layers(None)

@@ -30,6 +30,30 @@ OTHER = ("command", "started", "finished")
 """Attributes that differ from run to run."""
 
 
+def held(friction: float, push: float) -> float:
+    """What fails by the reason "cannot_hold: friction", and what fails for a reason of its own."""
+    if push > 1.0:
+        raise ValueError("too much")
+    if friction < 0.5:
+        raise rbd.CannotHold("it slips", reason=Reason.CANNOT_HOLD_FRICTION)
+    return friction
+
+
+def test_the_reason_is_in_words_beside_its_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """In memory, from a store, and of a store that is read as it is used, also in part; it is not stored."""
+    told = [["cannot_hold: friction", "other_error"], ["", "other_error"]]
+    found = rbd.study(held, rbd.grid(friction=[0.1, 0.9], push=[0.0, 2.0]), executor=0, out=tmp_path / "held.zarr")
+    assert list(found.data_vars)[:4] == ["ok", "reason", "reason_text", "message"]
+    assert found.reason_text.values.tolist() == told and not (tmp_path / "held.zarr" / "reason_text").exists()
+    assert [[str(Reason.of_code(code)) for code in row] for row in found.reason.values] == told
+    assert open_study(tmp_path / "held.zarr").identical(found)
+    monkeypatch.setattr(stores, "LOADED", 10)
+    lazy = open_study(tmp_path / "held.zarr")
+    assert not lazy.reason_text.variable._in_memory
+    assert lazy.reason_text.sel(friction=0.1).isel(push=[1, 0]).values.tolist() == told[0][::-1]
+    assert lazy.identical(found)
+
+
 def mixed(a: float, b: float) -> dict[str, Any]:
     """Numbers, arrays with labels, truth values and text; a variable that only some samples have; errors."""
     if a + b > 3:

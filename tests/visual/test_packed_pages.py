@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.shapes import Mesh
 
 MM = 1e-3
+VIEWER = "meshcat/viewer/dist/main.min.js"
 MOST_BYTES = {"talos": 3_200_000, "g1": 4_000_000}
 
 
@@ -229,14 +232,34 @@ def test_the_page_draws_before_it_says_that_it_is_ready(standing_page, browser):
 
 
 def test_the_library_in_the_page_is_meshcats_own(standing_page):
-    """Byte for byte: nothing is patched; before it uPlot's, with its licence."""
+    """Byte for byte: the copy in `rbd` is that of the package, and nothing is patched; before it uPlot's, with its licence."""
+    from importlib.metadata import distribution
     from importlib.resources import files
 
     text = standing_page("talos").read_text(encoding="utf-8")
     charts, library = files("rbd.visual.pages").joinpath("web/uplot"), block(text, "library")
-    assert library.endswith(b"\n" + files("meshcat").joinpath("viewer/dist/main.min.js").read_bytes())
+    assert library.endswith(b"\n" + Path(str(distribution("meshcat").locate_file(VIEWER))).read_bytes())
     assert charts.joinpath("uPlot.iife.min.js").read_bytes() in library and charts.joinpath("LICENSE").read_bytes() in library
     assert b"The MIT License" in library and b"uPlot (v1.6.32)" in library
+
+
+WRITE = """
+import sys, rbd
+def loaded(): print(*[m for m in "meshcat IPython pyngrok zmq PIL tornado".split() if m in sys.modules], sep=",")
+robot = rbd.load_robot("four_bar")
+with rbd.visual.Scene(robot) as scene:
+    scene.show(robot.at("assembled"))
+    scene.export(sys.argv[1])
+    loaded()
+    scene.url
+    loaded()
+"""
+
+
+def test_a_page_is_written_without_notebooks_servers_and_meshcats_own_package(tmp_path):
+    """A live scene loads Tornado, and nothing else of them."""
+    done = subprocess.run([sys.executable, "-c", WRITE, str(tmp_path / "p.html")], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["", "tornado"]
 
 
 def test_a_translucent_body_is_seen_below_the_floor(tmp_path, browser):

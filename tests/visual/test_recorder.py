@@ -9,7 +9,7 @@ import pytest
 
 import rbd
 from rbd.visual import Scene
-from rbd.visual.pages.server import Recorder
+from rbd.visual.pages.recorder import Recorder
 
 
 def command(kind: str, path: str, value: int = 0) -> SimpleNamespace:

@@ -24,7 +24,7 @@ from rbd.problem.rows import Patch
 from rbd.robots.loading import load_robot
 from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, screenshot
-from rbd.visual.pages.server import Recorder
+from rbd.visual.pages.recorder import Recorder
 from rbd.visual.robot_meshes import robot_parts, skeleton
 
 MM = 1e-3

@@ -20,6 +20,7 @@ import rbd
 from rbd.errors import PictureError
 from rbd.visual import Scene
 from rbd.visual.pages import server
+from rbd.visual.pages.recorder import Recorder
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +246,7 @@ def test_a_port_that_is_refused_is_told_to_the_caller(g1: rbd.Robot, monkeypatch
 
 def test_a_server_closes_once_and_takes_its_browsers_along(g1: rbd.Robot):
     """A browser that watches is told the end; what is closed twice, or told more, stays closed."""
-    live = server.LiveServer(recorder := server.Recorder(), "closing")
+    live = server.LiveServer(recorder := Recorder(), "closing")
 
     async def watch() -> object:
         async with ours(live.port) as found:
@@ -262,7 +263,7 @@ def test_a_server_closes_once_and_takes_its_browsers_along(g1: rbd.Robot):
 
 def test_a_child_lets_go_of_its_parents_port():
     """What a forked child does first: the socket is closed there, and the next request of that copy finds nobody."""
-    live = server.LiveServer(server.Recorder(), "forked")
+    live = server.LiveServer(Recorder(), "forked")
     live.close()  # as in a child, no thread of it runs here any more
     kept = socket.create_server(("127.0.0.1", 0))
     port = kept.getsockname()[1]

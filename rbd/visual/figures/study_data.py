@@ -299,9 +299,9 @@ class StudyData:
         table = self.dataset
         found = _SELECTED.fullmatch(name) if isinstance(name, str) and name not in table.data_vars else None
         plain, given = (found["name"], [x.strip() for x in found["labels"].split(",")]) if found else (name, [])
-        names = [str(n) for n, v in table.data_vars.items() if set(self.dims) <= set(v.dims) and n != "message"]
-        if isinstance(plain, str) and plain == "message":
-            raise InputError("value='message' is text of its own for each sample; value='reason' draws what stopped them.")
+        names = [str(n) for n, v in table.data_vars.items() if set(self.dims) <= set(v.dims) and n not in _WORDS]
+        if isinstance(plain, str) and plain in _WORDS:
+            raise InputError(f"value={plain!r} is text of its own for each sample; value='reason' draws what stopped them.")
         if not isinstance(plain, str) or plain not in names:
             raise InputError(f"value is {name!r:.80}, and the study has no such quantity; {nearest(plain, names)}.")
         shown = table[plain]
@@ -321,7 +321,8 @@ class StudyData:
         return shown
 
 
-_OF_ALL = ("ok", "reason", "message")
+_WORDS = ("reason_text", "message")
+_OF_ALL = ("ok", "reason", *_WORDS)
 """Quantities that every study has, none of them an axis."""
 
 
