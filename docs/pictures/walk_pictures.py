@@ -1,4 +1,4 @@
-"""The pictures of example 28, a walk: the robot at seven times over its plan, and all of it moving; `make.py` calls `pictures()`."""
+"""The pictures of example 28, a walk: seven times of it over its plan, and all of it moving; `make.py` calls `pictures()`."""
 
 import tempfile
 from collections.abc import Iterator

@@ -61,7 +61,7 @@ def add_pages(app: Sphinx) -> None:
 
 
 def shorten_navigation(app: Sphinx, pagename: str, templatename: str, context: dict[str, Any], doctree: object) -> None:
-    """The sidebar lists two levels: names of the API would make it longer than the page.
+    """The sidebar lists the sections, and the pages of the one that is open: all of them would be longer than most pages.
 
     A name of the API shows the sidebar of its package, whose page is written before it and stands in the same folder.
     """
@@ -74,7 +74,7 @@ def shorten_navigation(app: Sphinx, pagename: str, templatename: str, context: d
     def sidebar(**options: Any) -> str:
         if package in kept and pagename.removeprefix("api/") not in PACKAGES:
             return kept[package]
-        kept[pagename] = whole(**{**options, "maxdepth": 2})
+        kept[pagename] = whole(**{**options, "maxdepth": 2, "collapse": True})
         return kept[pagename]
 
     context["toctree"] = sidebar
