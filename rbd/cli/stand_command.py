@@ -53,9 +53,9 @@ def stand(
     friction: Friction = FRICTION,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = FACETS,
     law: Law = LAW,
-    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
-    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
-    braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
+    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame at whose origin it is pushed (the heaviest link's).")] = None,
+    braced: Annotated[bool, typer.Option("--braced", help="Apply torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     ground: GroundOption = None,
     gravity: Gravity = None,
@@ -179,7 +179,7 @@ def stand(
 
 def region(
     robot: RobotName,
-    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Motors keep within their limits.")] = False,
+    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Keep motors within their limits.")] = False,
     friction: Friction = 0.7,
     margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,

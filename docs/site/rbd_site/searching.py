@@ -34,7 +34,7 @@ class English(SearchEnglish):
 
 
 SILENT = (nodes.literal_block, nodes.doctest_block, nodes.math_block, nodes.raw, nodes.image, nodes.table, nodes.comment)
-MOST = 900
+MOST = 500
 """Letters that are remembered of a page of the API, whose first lines say what it is."""
 
 
