@@ -105,7 +105,7 @@ def robots() -> None:
 @app.command()
 def info(
     robot: RobotName,
-    root: Annotated[str | None, typer.Option(help="Base: free_flyer, planar or fixed; by default as its loop file says.")] = None,
+    root: Annotated[str | None, typer.Option(help="Base: free_flyer, planar or fixed; as its loop file says.")] = None,
     package_dir: PackageDirs = None,
 ) -> None:
     """Show one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
@@ -166,7 +166,7 @@ def simulate(
     push: Annotated[list[str] | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons.")] = None,
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="Frame at whose origin it is pushed.")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="Start of the push (0).")] = None,
-    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="Duration of the push (0.1); may repeat.")] = None,
+    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="Its duration (0.1); may repeat.")] = None,
     feet_: Feet = None,
     friction: Friction = 0.7,
     law: Law = "coulomb",
@@ -174,7 +174,7 @@ def simulate(
         bool | None, typer.Option("--hold/--free", help="Hold the posture by motors, or leave them off; --free of mechanisms.")
     ] = None,
     bodies: Annotated[
-        bool | None, typer.Option("--bodies/--feet-only", help="Let all collision shapes touch the ground, as of a robot on feet.")
+        bool | None, typer.Option("--bodies/--feet-only", help="Let all shapes touch the ground, as of a robot on feet.")
     ] = None,
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
@@ -249,7 +249,7 @@ def plane(
     angles: Annotated[str, typer.Option(help="Measure of angles: joint, segment or vertical.")] = "joint",
     duration: Annotated[float, typer.Option(help="Seconds from rest to rest.")] = 1.0,
     branch: Annotated[int, typer.Option(help="Bend of two links: 0 counterclockwise, 1 clockwise.")] = 0,
-    space: Annotated[str | None, typer.Option(help="Space in which the path is straight: endpoint, or joint (of one link).")] = None,
+    space: Annotated[str | None, typer.Option(help="Space of the straight path: endpoint, or joint (of one link).")] = None,
     out: Annotated[Path | None, typer.Option(help="Draw the motion, .png, .svg or .pdf.")] = None,
     html: Motion = None,
     json_: Json = None,

@@ -54,7 +54,7 @@ def stand(
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = FACETS,
     law: Law = LAW,
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons.")] = None,
-    at: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame at whose origin it is pushed (the heaviest link's).")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame that is pushed (the heaviest link's).")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="Apply torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     ground: GroundOption = None,

@@ -43,7 +43,7 @@ def walk(
     steps: Annotated[int, typer.Option(help="Number of times a foot (of four: a group of the gait) is lifted.")] = 6,
     velocity: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,TURN", help="Velocity forwards and to the left, in m/s, turn in rad/s; as usual of the gait."),
+        typer.Option(metavar="X,Y,TURN", help="Velocity forwards and left, in m/s, turn in rad/s; as usual of the gait."),
     ] = None,
     gait: Annotated[str | None, typer.Option(help="Gait: walk of two feet; crawl, trot, pace or bound of four.")] = None,
     terrain: TerrainOption = None,
@@ -51,7 +51,7 @@ def walk(
     push: Annotated[list[str] | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons.")] = None,
     at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="Frame at whose origin it is pushed.")] = None,
     from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="Start of the push (0).")] = None,
-    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="Duration of the push (0.1); may repeat.")] = None,
+    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="Its duration (0.1); may repeat.")] = None,
     step: Annotated[float, typer.Option(help="Length of a step of the simulation, in seconds.")] = 2e-3,
     feet_: Feet = None,
     package_dir: PackageDirs = None,
