@@ -1,16 +1,20 @@
 """The site builds without a warning or a network; every link holds, mathematics and both themes are readable."""
 
+import base64
 import functools
+import html
 import http.server
 import json
 import re
 import subprocess
 import sys
 import threading
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
+import docutils.utils
 import pytest
 from test_readme import TOP
 
@@ -18,7 +22,21 @@ from rbd.visual import find_browser
 from rbd.visual.pages.browser import FLAGS
 
 sys.path.insert(0, str(TOP / "docs" / "site"))
-from rbd_site import api, bibliography, gallery, links, mathjax, public, sources, subscripts  # noqa: E402
+from docutils import nodes  # noqa: E402
+from rbd_site import (  # noqa: E402  # noqa: E402
+    api,
+    bibliography,
+    folded,
+    formulas,
+    gallery,
+    links,
+    mathjax,
+    public,
+    shared_scenes,
+    smaller,
+    sources,
+    subscripts,
+)
 
 SCENES = ("four_bar", "task_loop")
 """Scenes that the test builds, of four bars: no motion is computed for them; `make docs` builds all."""
@@ -143,9 +161,12 @@ async function search(words) {
   for (let i = 0; i < 100 && !summary().includes("finished"); i++)
     await new Promise((done) => setTimeout(done, 100));
   told[words] = found();
+  await new Promise((done) => setTimeout(done, 300));
+  told[words + ", sentences"] = [...frame.contentDocument.querySelectorAll("p.context")].map((p) => p.textContent);
 }
 (async () => {
   await search("load_robot");
+  await search("restitution");
   for (const page of pages) for (const theme of ["light", "dark"]) await look(page, theme);
   document.getElementById("told").textContent = JSON.stringify(told);
 })();
@@ -199,13 +220,15 @@ def test_the_site_is_whole(tmp_path):
     assert all('<script src="shared/' in (site / "scenes" / f"{name}.html").read_text(encoding="utf-8") for name in SCENES)
     assert (site / "_static" / "mathjax" / "tex-chtml-full.js").is_file()
     size = sum(file.stat().st_size for file in site.rglob("*") if file.is_file())
-    assert size < 68e6  # scenes and all
+    assert size < 35e6  # all scenes, of which two are built here, add 6 MB
     browser = find_browser()
     if browser is None:
         pytest.skip("Chromium is not installed: links hold, and how pages look is not tested")
     seen, console = seen_in_browser(site, browser)
     assert console == []
-    assert "rbd.load_robot" in seen.pop("load_robot")
+    assert "rbd.load_robot" in seen.pop("load_robot") and seen.pop("load_robot, sentences")
+    found, sentences = seen.pop("restitution"), seen.pop("restitution, sentences")
+    assert found and sentences and all("restitution" in sentence.lower() for sentence in sentences)
     for page, look in seen.items():
         assert look["wide"] <= 0 and look["columns"] <= 0, page
         assert look["formulas"] == look["rendered"] and look["wrong"] == [], page
@@ -346,3 +369,63 @@ def test_every_example_has_a_page():
         assert f"gallery/{file.stem}.md" in pages
     assert "](../" not in "".join(pages.values())
     assert gallery.sections()["14-falls-simulate-pushes-until-it-falls"] == "14_push_recovery"
+
+
+def test_scenes_share_the_viewer_and_equal_triangles():
+    """Two scenes of one robot: the viewer and the robot's triangles stand once, each page has its pieces in its order."""
+    import rbd
+    from rbd.visual import Scene
+
+    robot, raw = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5), {}
+    for name, posture in (("one", "assembled"), ("two", "neutral")):
+        with Scene(robot) as scene:
+            scene.show(robot.at(posture) if posture in robot.postures else robot.at())
+            raw[name] = scene.page()
+    raw["both"] = f'<iframe srcdoc="{html.escape(raw["one"])}"></iframe>'
+    made = shared_scenes.shared(raw)
+    assert set(made) >= {"one.html", "two.html", "both.html"}
+    assert sum('id: "library"' in text for text in made.values()) == 1
+    assert sum(map(len, made.values())) < 0.5 * sum(map(len, raw.values()))
+    for name in raw:
+        inside = html.unescape(made[f"{name}.html"])
+        order = json.loads(re.search(r"order = (\[\[.*?\]\]);", inside)[1])
+        kept = []
+        for group, i in order:
+            data, sizes = json.loads(made[f"shared/{group}.js"].split("] = ")[1].rstrip(";\n"))
+            whole = zlib.decompress(base64.b64decode(data))
+            kept.append(whole[sum(sizes[:i]) : sum(sizes[: i + 1])])
+            assert f'src="shared/{group}.js"' in inside
+        assert tuple(kept) == next(shared_scenes._scenes(raw[name])).pieces
+        assert "script-src 'unsafe-inline' 'unsafe-eval' 'self' file:" in inside
+
+
+def test_tests_behind_a_formula_are_folded():
+    """What names the code stays, the tests go into a block that opens; a paragraph without tests stays as it is."""
+    document = docutils.utils.new_document("page")
+    tests = [nodes.literal("", "tests/test_cones.py::test_a"), nodes.Text(", "), nodes.literal("", "tests/test_law.py")]
+    named = nodes.paragraph("", "", nodes.Text("In code: x. Tests: "), *tests, nodes.Text(". More."))
+    document += [named, nodes.paragraph("", "", nodes.Text("Tests: none."))]
+    folded.fold_tests(None, document)
+    texts = [child.astext() for child in document]
+    assert texts[0] == "In code: x. More." and texts[2] == "tests/test_cones.py::test_a, tests/test_law.py"
+    assert "<summary>2 tests</summary>" in texts[1] and texts[3:] == ["</details>", "Tests: none."]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+    page = "<p>\n   <span class=\"pre\">a</span>\n\n</p><pre>b\n\n   c</pre>"
+    page += "<img src=\"_images/x.png\"><a title=\"Link to this heading\">"
+        ("1/2 |a - a_free|_M^2", r"\tfrac12  \vert a - a_{\rm free}\vert _{M}^{2}"),
+        ("J a + J_dot v in K*", r"J a + \dot J v\text{ in }K^{*}"),
+    ],
+)
+def test_formulas_of_docstrings_are_set_as_mathematics(line, expected):
+    """Letters as symbols, words as words."""
+    assert formulas.tex(line).replace(" \\text", r"\text").replace("} K", "}K") == expected
+
+
+def test_pages_lose_only_what_says_nothing():
+    """Code blocks keep their lines, pictures get their new ending, marks of signatures go."""
+    page = '<p>\n   <span class="pre">a</span>\n\n</p><pre>b\n\n   c</pre><img src="_images/x.png"><a title="Link to this heading">'
+    assert smaller.smaller(page) == '<p>\na\n</p><pre>b\n\n   c</pre><img src="_images/x.webp"><a>'

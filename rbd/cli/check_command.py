@@ -83,7 +83,7 @@ def check(
     ] = True,
     touch_height: Annotated[float, typer.Option(metavar="M", help="Feet lower than this are meant to touch.")] = 0.03,
     touch_speed: Annotated[float, typer.Option(metavar="M/S", help="Feet slower than this are meant to touch.")] = 0.25,
-    quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="Quaternions: xyzw or wxyz; guessed, and said.")] = None,
+    quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="Quaternions, xyzw or wxyz; guessed, said.")] = None,
     units: Annotated[str | None, typer.Option(help="Unit of joint angles: rad or deg; guessed, and said.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Take times, lengths, v and a as they are.")] = False,
     joints: Annotated[str | None, typer.Option(metavar="A,B", help="Names of the columns after the base, in order.")] = None,

@@ -4,7 +4,7 @@ import gc
 
 from sphinx.application import Sphinx
 
-from rbd_site import api, folded, links, mathjax, pages, scenes, searching, smaller, sources, subscripts
+from rbd_site import api, folded, formulas, links, mathjax, pages, scenes, searching, smaller, sources, subscripts
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -15,6 +15,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """
     gc.freeze()
     gc.set_threshold(100_000, 50, 100)
-    for part in (pages, api, links, folded, searching, sources, scenes, mathjax, subscripts, smaller):
+    for part in (pages, api, links, folded, formulas, searching, sources, scenes, mathjax, subscripts, smaller):
         part.setup(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}
