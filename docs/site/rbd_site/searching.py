@@ -34,6 +34,7 @@ class English(SearchEnglish):
 
 
 SILENT = (nodes.literal_block, nodes.doctest_block, nodes.math_block, nodes.raw, nodes.image, nodes.table, nodes.comment)
+TESTS = re.compile(r"\s*\(?(?:Tests: )?tests/[\w/.:]+(?:, tests/[\w/.:]+)*\)?\.?")
 MOST = 500
 """Letters that are remembered of a page of the API, whose first lines say what it is."""
 
@@ -45,7 +46,9 @@ def remember(app: Sphinx, doctree: nodes.document) -> None:
         if any(isinstance(above, SILENT) for above in _above(text)):
             continue
         section = next((above for above in _above(text) if isinstance(above, nodes.section)), None)
-        said.setdefault(section["ids"][0] if section and section["ids"] else "", []).append(" ".join(text.astext().split()))
+        said.setdefault(section["ids"][0] if section and section["ids"] else "", []).append(
+            TESTS.sub("", " ".join(text.astext().split()))
+        )
     texts = [[anchor, " ".join(parts)] for anchor, parts in said.items()]
     if docname.startswith("api/"):
         texts = [["", " ".join(text for _, text in texts)[:MOST]]]

@@ -47,7 +47,7 @@ def make_smaller(app: Sphinx, error: Exception | None) -> None:
     if error is not None or app.builder.format != "html":
         return
     out = Path(app.outdir)
-    icons = json.dumps(ICONS.read_text(encoding="utf-8"))
+    icons = json.dumps(re.sub(r"{#.*?#}", "", ICONS.read_text(encoding="utf-8"), flags=re.DOTALL).strip())
     (out / "_static" / "icons.js").write_text(
         f'document.currentScript.insertAdjacentHTML("beforebegin", {icons});\n', encoding="utf-8"
     )
