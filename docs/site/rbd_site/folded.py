@@ -18,9 +18,13 @@ def fold_tests(app: Sphinx, doctree: nodes.document) -> None:
         at = next((i for i, child in enumerate(paragraph) if isinstance(child, nodes.Text) and OPENS.search(child)), None)
         if at is None:
             continue
-        tests, rest = list[nodes.Node](), list(paragraph[at + 1 :])
-        while rest and (TEST.match(rest[0].astext()) or (tests and len(rest) > 1 and BETWEEN.fullmatch(rest[0].astext()))):
-            tests.append(rest.pop(0))
+        rest, n = list(paragraph[at + 1 :]), 0
+        for i, node in enumerate(rest):
+            if TEST.match(node.astext()):
+                n = i + 1
+            elif not isinstance(node, nodes.Text) or not BETWEEN.fullmatch(node.astext()):
+                break
+        tests, rest = rest[:n], rest[n:]
         count = sum(isinstance(node, nodes.literal) for node in tests)
         if not count:
             continue

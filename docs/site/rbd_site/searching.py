@@ -33,23 +33,24 @@ class English(SearchEnglish):
         return stem_of(word)
 
 
-SILENT = (nodes.literal_block, nodes.doctest_block, nodes.math_block, nodes.raw, nodes.image, nodes.table, nodes.comment)
+SILENT = (nodes.literal_block, nodes.doctest_block, nodes.math_block, nodes.raw, nodes.image, nodes.row, nodes.comment)
 TESTS = re.compile(r"\s*\(?(?:Tests: )?tests/[\w/.:]+(?:, tests/[\w/.:]+)*\)?\.?")
 MOST = 500
 """Letters that are remembered of a page of the API, whose first lines say what it is."""
 
 
 def remember(app: Sphinx, doctree: nodes.document) -> None:
-    """What the page says, section by section: running text, without code and tables."""
+    """What the page says, section by section: running text and rows of tables, without code."""
     docname, said = app.env.docname, dict[str, list[str]]()
-    for text in doctree.findall(nodes.paragraph):
-        if any(isinstance(above, SILENT) for above in _above(text)):
+    for text in doctree.findall(lambda node: isinstance(node, nodes.paragraph | nodes.row)):
+        above = _above(text)
+        if any(isinstance(one, SILENT) for one in above):
             continue
-        section = next((above for above in _above(text) if isinstance(above, nodes.section)), None)
-        said.setdefault(section["ids"][0] if section and section["ids"] else "", []).append(
-            TESTS.sub("", " ".join(text.astext().split()))
-        )
-    texts = [[anchor, " ".join(parts)] for anchor, parts in said.items()]
+        parts = [cell.astext() for cell in text] if isinstance(text, nodes.row) else [text.astext()]
+        section = next((one for one in above if isinstance(one, nodes.section)), None)
+        words = TESTS.sub("", " ".join(", ".join(parts).split()))
+        said.setdefault(section["ids"][0] if section and section["ids"] else "", []).append(words)
+    texts = [[anchor, "\n".join(parts)] for anchor, parts in said.items()]
     if docname.startswith("api/"):
         texts = [["", " ".join(text for _, text in texts)[:MOST]]]
     app.env.__dict__.setdefault("rbd_texts", {})[docname] = texts

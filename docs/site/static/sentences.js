@@ -9,12 +9,12 @@ document.addEventListener("DOMContentLoaded", () => {
     const asked = [...words].map((word) => word.toLowerCase());
     let best = "", most = 0;
     for (const [, text] of here.length ? here : said) {
-      for (const sentence of text.split(/(?<=[.!?:])\s+(?=[A-Z\u0391-\u03c9`])/)) {
+      for (const sentence of text.split(/\n|(?<=[.!?:])\s+(?=[A-Z\u0391-\u03c9`])/)) {
         const low = sentence.toLowerCase(), n = asked.filter((word) => low.includes(word)).length;
         if (n > most) [best, most] = [sentence, n];
       }
     }
-    if (!best) return null;
+    if (!best) return document.createDocumentFragment();
     const first = Math.min(...asked.map((word) => best.toLowerCase().indexOf(word)).filter((i) => i >= 0));
     const from = best.length > 260 ? Math.max(0, best.lastIndexOf(" ", Math.max(0, first - 100)) + 1) : 0;
     const text = (from ? "\u2026 " : "") + best.slice(from, from + 260) + (best.length > from + 260 ? " \u2026" : "");
