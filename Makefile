@@ -97,7 +97,7 @@ coverage: $(MARKER)
 	$(BIN)/coverage report
 
 docs: $(MARKER)
-	$(BIN)/python -m sphinx -b html -q -W --keep-going docs docs/_build
+	$(BIN)/python -m sphinx -b html -W --keep-going -d $(VENV)/doctrees docs docs/_build
 	@echo "open docs/_build/index.html"
 
 pictures: $(MARKER)

@@ -54,6 +54,7 @@ html_theme = "furo"
 html_title = "rbd"
 html_static_path = ["site/static"]
 html_css_files = ["site.css"]
+html_js_files = ["live.js"]
 html_search_scorer = str(HERE / "site" / "scorer.js")
 html_show_sphinx = False
 html_copy_source = False

@@ -22,13 +22,10 @@ OTHERS = ("peers", "engines", "solvers")
 """Groups of the second, without marks; of the solvers, what begins with these."""
 SOME = (GENERAL, "inverse dynamics")
 FEW = (
-    "rbd.solve, held",
     "rbd.solve, frictional, sticking",
     "rbd.solve, slipping, Coulomb's law",
-    "rbd.solve_many, 10,000 states, a state: frictional, sticking",
     "rbd.control.step, a walking robot's tasks, both soles",
     "rbd.simulate by default at rest, torques from Python, a step of 1 ms",
-    "a minute of motion at 30 Hz read, checked, reported",
 )
 """Rows of the README, by what they measure."""
 Accuracy = dict[str, dict[str, tuple[float, float | None]]]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.answers.comparison import confirmed_by_qp, obeys_gauss
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +75,17 @@ def test_a_question_without_an_answer_is_said(talos):
     state = talos.standing()
     with pytest.raises(rbd.NoSolution, match="no solver has an answer"):
         rbd.studies.compare_solvers(state, np.zeros(talos.nu), [*talos.soles(friction=None), Pulled()])
+
+
+@pytest.mark.parametrize("friction", [0.7, 0.02])
+def test_gauss_qp_confirms_the_answer_with_circular_cones(talos, pushed, friction):
+    """Pyramids that touch the cones where friction acts admit the same answer; that of another law is told from it."""
+    (state, tau), soles, push = pushed, talos.soles(friction=friction), rbd.ExternalForce("torso_2_link", (30.0, 20.0, 100.0))
+    coulomb, convex = (rbd.solve(state, tau, soles, law=law, external=push) for law in ("coulomb", "convex"))
+    sticks = friction == 0.7
+    assert obeys_gauss(convex) and obeys_gauss(coulomb) is sticks
+    confirmed = confirmed_by_qp(convex)
+    assert confirmed.same and max(confirmed.a, confirmed.f) < 1e-8
+    assert confirmed_by_qp(coulomb).same is sticks
+    plain = rbd.solve(state, tau, soles, external=push, solver=rbd.ProxQP())  # a facet that is elsewhere admits more friction
+    assert bool(np.abs(plain.a - convex.a).max() < 1e-8) is sticks

@@ -34,6 +34,7 @@ def test_talos_stands_and_the_table_says_what_its_feet_carry():
     for word in ("left_sole", "right_sole", "friction used", "centre of pressure", "885.57", "arm_left_4_joint",
                  "|a - a_free|_M^2", "without contacts", "-9.810", "centroidal", "by closed form, law: coulomb"):  # fmt: skip
         assert word in out, word
+    assert re.search(r"Gauss's QP in ProxSuite gives the same: a differs by \S+e-1\d m/s2 at most, f .* by \S+e-1\d N\n", out)
 
 
 def test_the_file_of_numbers_agrees_with_the_library(tmp_path):
@@ -71,6 +72,9 @@ def test_the_law_is_chosen_by_its_word(tmp_path):
         data = json.loads((tmp_path / f"{law}.json").read_text())
         assert data["solution"]["law"] == law and data["solution"]["status"] == "solved"
         normal[law] = sum(c["normal"] for c in data["contacts"].values())
+        # A point slips: Coulomb's law is no minimum, and Gauss's QP confirms the convex law's answer.
+        assert ("a point slips; under --law convex Gauss's QP" in out) is (law == "coulomb") and "gives the same" in out
+        assert data["confirmed"]["law"] == "convex" and max(data["confirmed"]["a"], data["confirmed"]["f"]) < 1e-7
     assert normal["convex"] != pytest.approx(normal["coulomb"], rel=1e-6)
     for verb in ("stand", "simulate"):
         code, _, err = run(verb, "g1", "--law", "hooke")

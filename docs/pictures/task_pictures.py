@@ -79,7 +79,7 @@ def task_hold() -> Path:
 
 def task_springs() -> Path:
     """Talos with a strap at its hand, a belt between its hands, and a spring in its knee."""
-    names = computed("hang_it_on_springs")
+    names = computed("springs_and_dampers")
     shown = {"external": names["acting"]}
     return photograph(lambda page: exported(page, names["state"], names["held"], **shown), "task_springs")
 

@@ -1,4 +1,4 @@
-"""The pictures of example 28, a walk: the robot at seven times, and its plan from above; `make.py` calls `pictures()`."""
+"""The pictures of example 28, a walk: seven times of it over its plan, and all of it moving; `make.py` calls `pictures()`."""
 
 import tempfile
 from collections.abc import Iterator
@@ -19,6 +19,7 @@ SIDE = (0.45, -1.0, 0.2)
 def pictures() -> Iterator[Path]:
     """All of them."""
     yield walk()
+    yield walking()
 
 
 def walk() -> Path:
@@ -34,6 +35,12 @@ def walk() -> Path:
         plan.plot(figure.subplots())
         figure.savefig(above, dpi=DPI, metadata={"Software": None})
         return stacked([strip, above], PICTURES / "walk.png")
+
+
+def walking() -> Path:
+    """The moving picture of the README: the whole walk, as a GIF, which every code host shows."""
+    shown: dict[str, Any] = {"width": 640, "height": 400, "fps": 12.5}
+    return scenes.result(EXAMPLE).walk.video(PICTURES / "walking.gif", seen_from=(0.6, -1.0, 0.25), trace=False, **shown)
 
 
 def stacked(parts: list[Path], picture: Path) -> Path:

@@ -22,8 +22,9 @@ from rbd.model.state import State
 from rbd.problem.answer import CARRIES_NOTHING_N, Status, at_corners
 from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import REST_SPEED
-from rbd.problem.force_set import at_rest
-from rbd.problem.gauss_problem import GaussProblem, Law
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.gauss_problem import CONVEX, GaussProblem, Law
+from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.records import Field
 from rbd.solvers import Solver
@@ -155,7 +156,7 @@ def compare_solvers(
         ("ConeSolver, coulomb", ConeSolver(law="coulomb"), problem),
     ]
     if problem.force_set.facets and ProxQP().reason_unsupported(problem) is None:
-        asked.insert(2, ("ConeSolver on pyramids", ConeSolver(law="convex"), _pyramidal(problem)))
+        asked.insert(2, ("ConeSolver on pyramids", ConeSolver(law="convex"), _pyramidal(problem, problem.force_set.pyramids)))
     answers, refused = [], {}
     unique = _projector(problem)
     for name, solver, posed in asked:
@@ -192,14 +193,14 @@ def _projector(problem: GaussProblem) -> Array:
     return U @ U.T
 
 
-def _pyramidal(problem: GaussProblem) -> GaussProblem:
-    """The same problem with a row for each ray of a cone: weights on rays are nonnegative numbers.
+def _pyramidal(problem: GaussProblem, pyramids: ForceSet) -> GaussProblem:
+    """The same problem with a row for each ray of a pyramid: weights on rays are nonnegative numbers.
 
     Rays of separating points are left out, as their forces are zero.
     """
     rows = []
     for i, r in enumerate(problem.rows):
-        G = _bent(problem, i)
+        G = _bent(problem, i, pyramids)
         if G is not None:
             bent = None if r.resultant is None else r.resultant @ G
             r = Rows(r.name, G.T @ r.J, G.T @ r.bias, NonNegative(G.shape[1]), feedback=G.T @ r.feedback, resultant=bent)
@@ -207,9 +208,9 @@ def _pyramidal(problem: GaussProblem) -> GaussProblem:
     return replace(problem, rows=rows, balance=None)
 
 
-def _bent(problem: GaussProblem, i: int) -> Array | None:
-    """The rays of a unilateral constraint, as columns; None if it has sets other than cones and half-lines."""
-    r, T = problem.rows[i], problem.force_set.pyramids
+def _bent(problem: GaussProblem, i: int, T: ForceSet) -> Array | None:
+    """The rays of a unilateral constraint, as columns; None if it has sets other than pyramids and half-lines."""
+    r = problem.rows[i]
     own = at_rest(r.cone).pyramids
     if not own.facets or own.has_lines or own.has_intervals:
         return None
@@ -218,13 +219,69 @@ def _bent(problem: GaussProblem, i: int) -> Array | None:
 
 
 def _answer(name: str, solution: Solution, problem: GaussProblem, unique: Array) -> SolverAnswer:
-    f = solution.multipliers
-    law = solution.law
+    f, law = solution.multipliers, solution.law
     if solution.problem is not problem:
-        P = solution.problem
-        kept = [f[part] if (G := _bent(problem, i)) is None else G @ f[part] for i, part in enumerate(P.slices.values())]
-        f, law = np.concatenate(kept), pyramidal_law(problem)
+        f, law = _row_forces(solution, problem, problem.force_set.pyramids), pyramidal_law(problem)
     return SolverAnswer(name, law, solution.status, solution.residuals.worst, solution.seconds, solution.a, unique @ f)
+
+
+def _row_forces(solution: Solution, problem: GaussProblem, pyramids: ForceSet) -> Array:
+    """Row forces of a problem, shape (m,), from the answer to `_pyramidal` of it."""
+    f, parts = solution.multipliers, solution.problem.slices.values()
+    bent = [(part, _bent(problem, i, pyramids)) for i, part in enumerate(parts)]
+    return np.concatenate([f[part] if G is None else G @ f[part] for part, G in bent] or [f])
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """An answer beside that of Gauss's least-constraint QP in ProxSuite, by `confirmed_by_qp`.
+
+    Attributes:
+        law: Of the answer.
+        a: Largest difference of the accelerations [m/s2, rad/s2].
+        f: Largest difference of the row forces in their unique part [N, N m].
+        same: Whether both are below `SAME`, over max(1, the largest entry).
+    """
+
+    law: Law
+    a: float
+    f: float
+    same: bool
+
+
+def obeys_gauss(solution: Solution) -> bool:
+    """Whether an answer is also that of Gauss's principle with circular cones: of Coulomb's law, whether no point slips."""
+    w = solution.weights
+    return w is None or solution.residuals.under(CONVEX, w).within(SOLVED)
+
+
+def confirmed_by_qp(solution: Solution) -> Confirmation:
+    """The differences between an answer that obeys Gauss's principle and that of the least-constraint QP, by ProxSuite.
+
+    The QP has pyramids around the friction cones, each turned until a facet touches its cone where friction opposes the
+    acceleration of its point. What obeys Gauss's principle with these cones obeys it with these pyramids, so that the QP's
+    acceleration, which is unique, is the answer's.
+
+    Args:
+        solution: An answer at rest, see `obeys_gauss`; where a point slips, one of the convex law.
+
+    Raises:
+        NoSolution: ProxSuite has no answer.
+        ContactMoves, Unsupported: a contact slides or approaches.
+    """
+    problem = solution.problem
+    if solution.weights is None:
+        found = answered(problem, ProxQP())
+        f = found.multipliers
+    else:
+        T = problem.force_set
+        pyramids = T.with_pyramids(facing=-T.accelerations(problem.J @ solution.a + problem.offset))
+        found = answered(_pyramidal(problem, pyramids), ProxQP())
+        f = _row_forces(found, problem, pyramids)
+    unique = _projector(problem)
+    mine, theirs = unique @ solution.multipliers, unique @ f
+    worst = max(_relative(solution.a, found.a), _relative(mine, theirs))
+    return Confirmation(solution.law, max_abs(solution.a - found.a), max_abs(mine - theirs), worst <= SAME)
 
 
 @dataclass(frozen=True)

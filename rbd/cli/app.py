@@ -107,7 +107,7 @@ def robots() -> None:
 @in_panels
 def info(
     robot: RobotName,
-    root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; by default as its loop file says.")] = None,
+    root: Annotated[str | None, typer.Option(help="Base: free_flyer, planar or fixed; as its loop file says.")] = None,
     beside: Annotated[
         str | None, typer.Option(metavar="FILE", help="Another file of the same robot: list the numbers that differ.")
     ] = None,
@@ -131,7 +131,7 @@ def mechanism(
     file: Annotated[str, typer.Argument(help="Path of a URDF (its loops in FILE.loops.yaml) or MJCF, or name of a robot.")],
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random starts that look for branches.")] = 0,
-    tries: Annotated[int, typer.Option(help="How many random starts.")] = 200,
+    tries: Annotated[int, typer.Option(help="Number of random starts.")] = 200,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture with every branch: one page.")] = None,
     json_: Json = None,
@@ -171,23 +171,23 @@ def simulate(
     robot: Annotated[str, typer.Argument(help="Name of a robot (talos, ur5, ...) or path of a URDF (urdf/four_bar.urdf).")],
     duration: Annotated[float, typer.Option(help="Seconds to simulate.")] = 2.0,
     step: Annotated[float, typer.Option(help="Length of a step, in seconds.")] = 1e-3,
-    push: Annotated[list[str] | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
-    at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="... at the origin of this frame ...")] = None,
-    from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="... from this time on (0) ...")] = None,
-    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="... for so long (0.1); may repeat.")] = None,
+    push: Annotated[list[str] | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons.")] = None,
+    at: Annotated[list[str] | None, typer.Option(metavar="FRAME", help="Frame at whose origin it is pushed.")] = None,
+    from_: Annotated[list[float] | None, typer.Option("--from", metavar="S", help="Start of the push (0).")] = None,
+    for_: Annotated[list[float] | None, typer.Option("--for", metavar="S", help="Its duration (0.1); may repeat.")] = None,
     feet_: Feet = None,
     friction: Friction = 0.7,
     law: Law = "coulomb",
     hold_: Annotated[
-        bool | None, typer.Option("--hold/--free", help="Motors hold the posture, or do nothing; --free of mechanisms.")
+        bool | None, typer.Option("--hold/--free", help="Hold the posture by motors, or leave them off; --free of mechanisms.")
     ] = None,
     bodies: Annotated[
-        bool | None, typer.Option("--bodies/--feet-only", help="All collision shapes touch the ground, as of a robot on feet.")
+        bool | None, typer.Option("--bodies/--feet-only", help="Let all shapes touch the ground, as of a robot on feet.")
     ] = None,
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
     ground: GroundOption = None,
-    root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,
+    root: Annotated[str | None, typer.Option(help="Base: free_flyer, planar or fixed; arms are fixed by default.")] = None,
     gravity: Gravity = None,
     package_dir: PackageDirs = None,
     save: Annotated[Path | None, typer.Option(help="Write the trajectory, .npz or .nc.")] = None,
@@ -251,14 +251,14 @@ def simulate(
 @app.command(cls=Completing)
 @in_panels
 def plane(
-    from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Where the end point begins, in metres.")],
-    to: Annotated[str, typer.Option(metavar="X,Y", help="Where it ends, in metres.")],
-    links: Annotated[int | None, typer.Option(help="How many links; as many as lengths, or two.")] = None,
+    from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Start of the path of the end point, in metres.")],
+    to: Annotated[str, typer.Option(metavar="X,Y", help="End of the path, in metres.")],
+    links: Annotated[int | None, typer.Option(help="Number of links; as many as lengths, or two.")] = None,
     lengths: Annotated[str | None, typer.Option(metavar="L1,L2,..", help="Lengths of links, in metres; together 1 m.")] = None,
-    angles: Annotated[str, typer.Option(help="How angles are measured: joint, segment or vertical.")] = "joint",
+    angles: Annotated[str, typer.Option(help="Measure of angles: joint, segment or vertical.")] = "joint",
     duration: Annotated[float, typer.Option(help="Seconds from rest to rest.")] = 1.0,
     branch: Annotated[int, typer.Option(help="Bend of two links: 0 counterclockwise, 1 clockwise.")] = 0,
-    space: Annotated[str | None, typer.Option(help="Where the path is straight: endpoint, or joint (of one link).")] = None,
+    space: Annotated[str | None, typer.Option(help="Space of the straight path: endpoint, or joint (of one link).")] = None,
     out: Annotated[Path | None, typer.Option(help="Draw the motion, .png, .svg or .pdf.")] = None,
     html: Motion = None,
     json_: Json = None,

@@ -24,9 +24,9 @@ from rbd.errors import InputError
 
 
 def audit(
-    file: Annotated[str, typer.Argument(metavar="RUN.npz", help="What the engine wrote; its layout is in the docs.")],
+    file: Annotated[str, typer.Argument(metavar="RUN.npz", help="Record that the engine wrote; its layout is in the docs.")],
     other: Annotated[
-        str | None, typer.Argument(metavar="OTHER.npz", help="The same motion by another engine: where do they part?")
+        str | None, typer.Argument(metavar="OTHER.npz", help="Motion of another engine to compare with: where do they part?")
     ] = None,
     robot: Annotated[
         str | None, typer.Option(help="Name (g1) or path of its robot; not needed where the file names it.")
@@ -35,7 +35,7 @@ def audit(
     friction: Annotated[float | None, typer.Option(help="Coefficient of all points, in place of the file's.")] = None,
     threshold: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="From which size on a cause is reported: speed=0.01; may repeat."),
+        typer.Option(metavar="NAME=VALUE", help="Size from which a cause is reported: speed=0.01; may repeat."),
     ] = None,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the page that plays it, a lane for each cause.")] = None,

@@ -76,26 +76,26 @@ def check(
     ] = None,
     threshold: Annotated[float, typer.Option(help="Share of the weight that may be missing.")] = 0.02,
     bodies: Annotated[
-        bool, typer.Option("--bodies/--feet-only", help="Hands, knees and all else can touch the floor.")
+        bool, typer.Option("--bodies/--feet-only", help="Let hands, knees and all else touch the floor.")
     ] = False,
     self_collision: Annotated[
         bool, typer.Option("--self-collision/--no-self-collision", help="Test the bodies against each other.")
     ] = True,
     touch_height: Annotated[float, typer.Option(metavar="M", help="Feet lower than this are meant to touch.")] = 0.03,
     touch_speed: Annotated[float, typer.Option(metavar="M/S", help="Feet slower than this are meant to touch.")] = 0.25,
-    quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="xyzw or wxyz; guessed, and said.")] = None,
+    quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="Quaternions, xyzw or wxyz; guessed, said.")] = None,
     units: Annotated[str | None, typer.Option(help="Unit of joint angles: rad or deg; guessed, and said.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Take times, lengths, v and a as they are.")] = False,
     joints: Annotated[str | None, typer.Option(metavar="A,B", help="Names of the columns after the base, in order.")] = None,
-    from_: Annotated[float | None, typer.Option("--from", metavar="S", help="Check from this time on ...")] = None,
-    to: Annotated[float | None, typer.Option(metavar="S", help="... to this one.")] = None,
+    from_: Annotated[float | None, typer.Option("--from", metavar="S", help="Start of what is checked.")] = None,
+    to: Annotated[float | None, typer.Option(metavar="S", help="End of what is checked.")] = None,
     filter_: Annotated[
-        float | None, typer.Option("--filter", metavar="HZ", help="Also check it without what is faster.")
+        float | None, typer.Option("--filter", metavar="HZ", help="Check it without what is faster, too.")
     ] = None,
-    lift: Annotated[bool, typer.Option("--lift", help="Also check it put onto the floor by one height.")] = False,
+    lift: Annotated[bool, typer.Option("--lift", help="Check it put onto the floor by one height, too.")] = False,
     carry: Annotated[
         list[str] | None,
-        typer.Option(metavar="KG@A,B", help="An object in one hand or two, by their frames, as held in the first frame."),
+        typer.Option(metavar="KG@A,B", help="Object in one hand or two, by their frames, as held in the first frame."),
     ] = None,
     repair: Annotated[
         bool, typer.Option("--repair", help="Repair it over its whole length, and check that, beside what was given.")
@@ -106,12 +106,12 @@ def check(
         Path | None, typer.Option(help="Write what was repaired, .npz, .csv or .pkl; of several motions, into a folder.")
     ] = None,
     kind: Annotated[
-        str | None, typer.Option(metavar="KIND", help="Of that file: motion (the default), gmr, beyondmimic or mujoco.")
+        str | None, typer.Option(metavar="KIND", help="Layout of that file: motion (the default), gmr, beyondmimic or mujoco.")
     ] = None,
     least_possible: Annotated[float, typer.Option(help="Share of frames that must be possible for exit code 0.")] = 1.0,
-    workers: Annotated[int, typer.Option(help="Of several motions: how many processes; 0: this one.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes for several motions; 0: this one.")] = 0,
     store: Annotated[
-        Path | None, typer.Option(metavar="ZARR", help="Of several motions: keep what is finished, and go on with the rest.")
+        Path | None, typer.Option(metavar="ZARR", help="Resume several motions: keep what is finished, go on with the rest.")
     ] = None,
     html: Annotated[
         Path | None, typer.Option(help="Write the page that plays it; of several motions, a folder: index.html and the worst.")

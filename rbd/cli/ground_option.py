@@ -37,7 +37,7 @@ TerrainOption = Annotated[
     str | None,
     typer.Option(
         metavar="Z|FILE|stairs|slope",
-        help="What it walks on: a height, a file (.urdf, .xml, .stl, .obj, .dae), stairs, stairs:0.1,0.3,5, slope or slope:8.",
+        help="Ground to walk on: a height, a file (.urdf, .xml, .stl, .obj, .dae), stairs, stairs:0.1,0.3,5, slope or slope:8.",
     ),
 ]
 SUITED = {"rise": 0.115, "depth": 0.345, "ahead": 0.2}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,6 +13,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
+from rbd.answers.comparison import Confirmation, confirmed_by_qp, obeys_gauss
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first
 from rbd.cli.ground_option import standing_on
@@ -147,6 +148,7 @@ class StandReport:
         seconds: {what: time taken [s]}.
         against: Torques that withstand the push, or why there are none; None without a push.
         braced: Whether `held` are those.
+        confirmed: The answer beside that of Gauss's QP in ProxSuite, or why there is none; None: not compared.
     """
 
     held: Actuation
@@ -156,6 +158,7 @@ class StandReport:
     seconds: Mapping[str, float]
     against: Actuation | CannotHold | None = None
     braced: bool = False
+    confirmed: Confirmation | RbdError | None = None
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("robot", (), "", "its name", lambda found: found.held.state.robot.name),
@@ -167,6 +170,8 @@ class StandReport:
         Field("held", (), "", "the torques that act"),
         Field("solution", (), "", "motion and forces under them and the push"),
         Field("solver", (), "", "what found it", lambda found: found.solution.solver),
+        Field("confirmed", (), "", "largest differences from Gauss's QP in ProxSuite: law, a, f", lambda found: (
+            vars(found.confirmed) | {"law": str(found.confirmed.law)} if isinstance(found.confirmed, Confirmation) else None)),
         Field("rows", (), "1", "rows of the constraints", lambda found: found.solution.problem.m),
         Field("rank", (), "1", "how many of them are independent", lambda found: found.solution.rank),
         Field("effort_limit", ("motor",), "{}", "limits of the motors", lambda found: dict(
@@ -209,7 +214,7 @@ class StandReport:
 
     def __rich__(self) -> Group:
         """Whether it stands and what is nearest to a limit, what it does, forces and certificate, the largest torques."""
-        lines = (*self.verdict, self._headline(), *self._what_follows(), "", str(self.solution), "")
+        lines = (*self.verdict, self._headline(), *self._what_follows(), "", str(self.solution), *self._confirmation(), "")
         return Group(*map(Text, lines), self._torques_table())
 
     @property
@@ -239,6 +244,18 @@ class StandReport:
         acceleration = f"the centre of mass accelerates at {vector(self.com_acceleration[0])} m/s2."
         return [f"Below, under {which} and the push: {acceleration}"]
 
+    def _confirmation(self) -> list[str]:
+        """The answer beside that of Gauss's QP."""
+        found, qp = self.confirmed, "Gauss's QP in ProxSuite"
+        if found is None:
+            return []
+        if not isinstance(found, Confirmation):
+            return [f"  {qp} has no answer to compare: {in_options(str(found))}"]
+        slips = found.law.kind != self.solution.law.kind
+        which = f"a point slips; under --law {found.law} {qp}" if slips else qp
+        verdict = "gives the same" if found.same else "gives ANOTHER ANSWER"
+        return [f"  {which} {verdict}: a differs by {found.a:.1e} m/s2 at most, f where it is unique by {found.f:.1e} N"]
+
     def _torques_table(self) -> TerminalTable:
         robot, tau = self.held.state.robot, self.held.tau
         title = f"largest {'bracing' if self.braced else 'holding'} torques"
@@ -255,6 +272,14 @@ def holding(state: State, feet: Sequence[Constraint], external: Sequence[Externa
     try:
         return hold(state, feet, external=external)
     except CannotHold as error:
+        return error
+
+
+def confirming(solution: Solution, convex: Callable[[], Solution]) -> Confirmation | RbdError:
+    """The answer, or that of the convex law where a point slips, beside that of Gauss's QP; or why there is none."""
+    try:
+        return confirmed_by_qp(solution if obeys_gauss(solution) else convex())
+    except RbdError as error:
         return error
 
 

@@ -53,9 +53,9 @@ def stand(
     friction: Friction = FRICTION,
     facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = FACETS,
     law: Law = LAW,
-    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
-    at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
-    braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
+    push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame that is pushed (the heaviest link's).")] = None,
+    braced: Annotated[bool, typer.Option("--braced", help="Apply torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
     ground: GroundOption = None,
     gravity: Gravity = None,
@@ -76,8 +76,9 @@ def stand(
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
 
     Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
-    the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
-    if none do, which limits prevent it; the exit code is then 1.
+    the contact law, compares them with those of Gauss's least-constraint QP in ProxSuite, and prints what each foot carries.
+    Of a push it says first whether any motor torques withstand it, and if none do, which limits prevent it; the exit code is
+    then 1.
 
     With --sweep it answers that question at every combination of the values: a study, as of rbd.study. What can be swept:
     posture, friction, at, push.x, push.y, push.z, push (its size along --push), push.angle (in degrees, from x towards y),
@@ -86,7 +87,7 @@ def stand(
     rbd stand talos --sweep friction=0.1:1:19 --sweep push.y=0:200:21 --at torso_2_link --png map.png
     """
     from rbd.answers.least_constraint import solve
-    from rbd.cli.robot_reports import StandReport, holding
+    from rbd.cli.robot_reports import StandReport, confirming, holding
     from rbd.cli.sweeps import check_running, check_values, push_arguments, run_sweep, sweeps_of
     from rbd.model.external import ExternalForce
     from rbd.problem.cones import check_friction
@@ -155,7 +156,9 @@ def stand(
         with timed(seconds, "solve"):
             solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
-        report = StandReport(held, solution, force, at, seconds, against, braced)
+        with timed(seconds, "confirm"):
+            confirmed = confirming(solution, partial(solve, state, held.tau, feet, law="convex", external=external))
+        report = StandReport(held, solution, force, at, seconds, against, braced, confirmed)
         print_report(console, report, json_, verbose)
         if html is not None or show:
             from rbd.visual import Scene
@@ -176,7 +179,7 @@ def stand(
 
 def region(
     robot: RobotName,
-    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Motors keep within their limits.")] = False,
+    torque_limits: Annotated[bool, typer.Option("--torque-limits", help="Keep motors within their limits.")] = False,
     friction: Friction = 0.7,
     margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,

@@ -386,7 +386,7 @@ Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page th
 Law = Annotated[str, typer.Option(help="Law of contacts that slip: coulomb or convex.")]
 RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
 Video = Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif.")]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Also print how long each part took.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print how long each part took, too.")]
 Out = Annotated[Path | None, typer.Option(help="Store every result, .zarr.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a store that is there.")]
 Workers = Annotated[int | None, typer.Option(metavar="N", help="Processes; one a core by default, 0: none but this one.")]

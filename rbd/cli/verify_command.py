@@ -17,7 +17,7 @@ MOST_BYTES = 2**30
 
 
 def verify(
-    file: Annotated[str, typer.Argument(metavar="FILE.json", help="A certificate, as RobustHold.save writes it.")],
+    file: Annotated[str, typer.Argument(metavar="FILE.json", help="Certificate, as RobustHold.save writes it.")],
 ) -> None:
     """Check a certificate in exact arithmetic: that every member of a set can be held, or that some cannot.
 

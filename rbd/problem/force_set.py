@@ -12,6 +12,7 @@ With pyramids in place of circular cones (`ForceSet.pyramids`) every weight has 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -143,16 +144,19 @@ class ForceSet:
         """The same with circumscribed pyramids in place of circular cones; itself where there are none."""
         return self.with_pyramids() if len(self.mu) else self
 
-    def with_pyramids(self, *, inscribed: bool = False) -> ForceSet:
+    def with_pyramids(self, *, inscribed: bool = False, facing: Array | None = None) -> ForceSet:
         """The same with each circular cone replaced by a pyramid.
 
         Args:
             inscribed: Take the pyramid inside the cone (radius mu) in place of the one around it (mu / cos(pi / n)).
+            facing: Of each cone a tangential direction in its first two entries, shape (p,): its pyramid is turned about the
+                normal until a facet faces there. The pyramid around a cone touches it in the middle of a facet.
         """
         rays, elements, firsts = list[Array](), list[Element](), list[int]()
         for e in self.elements:
             facets, at = e.shape.facets if e.is_cone else 0, len(firsts)
-            rays.append(_rays(e.mu, facets, inscribed=inscribed) if facets else _ONE)
+            block = _rays(e.mu, facets, inscribed=inscribed) if facets else _ONE
+            rays.append(block if facing is None or not facets else _facing(facing[e.columns]) @ block)
             firsts += [e.columns.start] * (facets or 1)
             elements.append(replace(e, columns=slice(at, len(firsts)), facets=facets))
         lower = np.where(np.isin(firsts, self.cone_at), 0.0, self.lower[firsts])
@@ -415,6 +419,13 @@ def _speeds_of_rays(name: str, cone: Cone, points: Array, u: Array, rest_speed: 
             )
         out[acts] = velocity[2]
     return out
+
+
+def _facing(w: Array) -> Array:
+    """Rotation about the normal, from the first tangent to the direction of w = (tangent, tangent, normal), shape (3, 3)."""
+    size = math.hypot(w[0], w[1])
+    x, y = (w[0] / size, w[1] / size) if size else (1.0, 0.0)
+    return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
 
 
 _rays, _ONE, _NO_POINTS = lru_cache(maxsize=64)(pyramid), np.ones((1, 1)), np.zeros((0, 3))

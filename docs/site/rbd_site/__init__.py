@@ -1,10 +1,10 @@
-"""What the site adds to Sphinx: pages from outside docs/, the API, the gallery, links, search, sources, scenes, MathJax."""
+"""What the site adds to Sphinx: pages from outside docs/, API, gallery, links, folded tests, search, sources, scenes, maths."""
 
 import gc
 
 from sphinx.application import Sphinx
 
-from rbd_site import api, links, mathjax, pages, scenes, searching, sources, subscripts
+from rbd_site import api, folded, formulas, links, mathjax, pages, scenes, searching, smaller, sources, subscripts
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -15,6 +15,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """
     gc.freeze()
     gc.set_threshold(100_000, 50, 100)
-    for part in (pages, api, links, searching, sources, scenes, mathjax, subscripts):
+    for part in (pages, api, links, folded, formulas, searching, sources, scenes, mathjax, subscripts, smaller):
         part.setup(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

@@ -13,6 +13,17 @@ from rbd_site.pages import TOP
 PAGE = TOP / "examples" / "README.md"
 PICTURE = re.compile(r"!\[([^\]]*)\]\(\.\./docs/([^)]+)\)")
 
+SUBJECTS = {
+    "Statics": "01 02 03 08 09 24 30 39",
+    "Contact laws": "04 05 06 07 19 27",
+    "Control": "25 28 29 37 38",
+    "Motion files": "26 35",
+    "Simulation": "14 16 17 31 33 34 36",
+    "Mechanisms": "10 11 12 13 15 32",
+    "Planar chains and kinematics": "18 20 21 22 23",
+}
+"""{heading of the gallery: numbers of its examples}."""
+
 
 @dataclass(frozen=True)
 class Example:
@@ -90,13 +101,23 @@ def card(example: Example) -> str:
 
 
 def index_page() -> str:
-    """All examples as cards."""
-    cards = "\n".join(card(example) for example in examples())
+    """All examples as cards, by subject.
+
+    Raises:
+        ValueError: an example without a subject, or with two.
+    """
+    numbers = " ".join(SUBJECTS.values()).split()
+    if sorted(numbers) != [example.name[:2] for example in examples()]:
+        raise ValueError(f"subjects have {sorted(numbers)}; expected each example once: set gallery.SUBJECTS")
+    of = {example.name[:2]: example for example in examples()}
     names = "\n".join([*(example.name for example in examples()), *notebooks.names()])
     listed = "\n".join(f"- {{doc}}`{notebooks.title(name)} </gallery/{name}>`" for name in notebooks.names())
     intro = from_the_site(re.split(r"^## ", PAGE.read_text(encoding="utf-8"), maxsplit=1, flags=re.MULTILINE)[0])
     intro = intro.replace("# Examples", "# Gallery", 1)
-    cards = f"::::{{grid}} 1 2 2 3\n:gutter: 3\n\n{cards}\n::::\n"
+    cards = "\n".join(
+        f"## {subject}\n\n::::{{grid}} 1 2 2 3\n:gutter: 3\n\n{chr(10).join(card(of[n]) for n in numbers.split())}\n::::\n"
+        for subject, numbers in SUBJECTS.items()
+    )
     return f"{intro}\n{cards}\n## Notebooks\n\n{listed}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
 
 

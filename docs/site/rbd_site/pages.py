@@ -61,21 +61,22 @@ def add_pages(app: Sphinx) -> None:
 
 
 def shorten_navigation(app: Sphinx, pagename: str, templatename: str, context: dict[str, Any], doctree: object) -> None:
-    """The sidebar lists two levels: names of the API would make it longer than the page.
+    """The sidebar lists the sections, and the pages of the one that is open: all of them would be longer than most pages.
 
-    A name of the API shows the sidebar of its package, whose page is written before it and stands in the same folder.
+    A name of the API has the sections alone, made once: its page leads to its package, which lists all names.
     """
     whole = context.get("toctree")
     if whole is None:
         return
     kept = app.__dict__.setdefault("rbd_sidebars", {})
-    package = pagename.rpartition(".")[0] if pagename.startswith("api/rbd.") else ""
+    name = pagename.startswith("api/rbd.") and pagename.removeprefix("api/") not in PACKAGES
 
     def sidebar(**options: Any) -> str:
-        if package in kept and pagename.removeprefix("api/") not in PACKAGES:
-            return kept[package]
-        kept[pagename] = whole(**{**options, "maxdepth": 2})
-        return kept[pagename]
+        if not name:
+            return str(whole(**{**options, "maxdepth": 2, "collapse": True}))
+        if "api" not in kept:
+            kept["api"] = whole(**{**options, "maxdepth": 1, "collapse": True})
+        return kept["api"]
 
     context["toctree"] = sidebar
 

@@ -1,8 +1,9 @@
-"""Source files as pages: highlighted, with an anchor at every function and class."""
+"""Source files as pages, with an anchor at every function and class; the browser highlights them, by `source.js`."""
 
 from __future__ import annotations
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.util.display import status_iterator
 
 from rbd_site.pages import TOP
 from rbd_site.public import place_of
@@ -66,32 +68,44 @@ PYTHON = re.compile(
 A lexer knows more, and takes ten times longer for three million letters."""
 
 
-def highlighted(text: str) -> list[str]:
-    """The lines of a Python file in HTML; a string of several lines is closed and opened at each line's end."""
-    made, end = [], 0
-    for found in PYTHON.finditer(text):
-        kind = found.lastgroup
-        inside = escape(found[0], quote=False).replace("\n", f'</span>\n<span class="{kind}">')
-        made += [escape(text[end : found.start()], quote=False), f'<span class="{kind}">{inside}</span>']
-        end = found.end()
-    return "".join([*made, escape(text[end:], quote=False)]).split("\n")
+def script() -> str:
+    """What colours a source page in the browser: spans of a colour for each letter of code would take twice the code's size."""
+    pattern = PYTHON.pattern.replace("(?P<", "(?<")
+    return f'const PYTHON = new RegExp({json.dumps(pattern)}, "gims");\n' + SCRIPT
+
+
+SCRIPT = """
+for (const part of [...document.querySelector("pre.python").childNodes].filter((node) => node.nodeType === Node.TEXT_NODE)) {
+  const text = part.data, made = document.createDocumentFragment();
+  let end = 0;
+  for (const found of text.matchAll(PYTHON)) {
+    const kind = Object.keys(found.groups).find((name) => found.groups[name] !== undefined);
+    const span = Object.assign(document.createElement("span"), {className: kind, textContent: found[0]});
+    made.append(text.slice(end, found.index), span);
+    end = found.index + found[0].length;
+  }
+  made.append(text.slice(end));
+  part.replaceWith(made);
+}
+"""
 
 
 def html_of(file: Path) -> str:
     """The file as a page, in the colours of the other pages, light and dark."""
     text = file.read_text(encoding="utf-8")
-    lines = highlighted(text) if file.suffix == ".py" else escape(text, quote=False).split("\n")
+    lines = escape(text, quote=False).split("\n")
     for anchor, line in beginnings(file).items():
         lines[line - 1] = f'<span id="{anchor}" class="target"></span>{lines[line - 1]}'
     name = file.relative_to(TOP).as_posix()
     up = "../" * page_of(file).count("/")
+    kind, colours = (' class="python"', f'<script src="{up}_static/source.js"></script>') if file.suffix == ".py" else ("", "")
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(name)} - rbd</title>\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<link rel="stylesheet" href="{up}_static/pygments.css"><link rel="stylesheet" href="{up}_static/source.css"></head>\n'
         f'<body data-theme="auto"><script>document.body.dataset.theme = localStorage.getItem("theme") || "auto";</script>\n'
         f'<header><a href="{up}index.html">rbd</a> <code>{escape(name)}</code></header>\n'
-        f'<div class="highlight"><pre>{chr(10).join(lines)}</pre></div></body></html>\n'
+        f'<div class="highlight"><pre{kind}>{chr(10).join(lines)}</pre></div>{colours}</body></html>\n'
     )
 
 
@@ -102,12 +116,15 @@ def write_sources(app: Sphinx, error: Exception | None) -> None:
     named = set().union(*app.env.__dict__.get("rbd_sources", {}).values(), ())
     modules = {file for file in (TOP / "rbd").rglob("*.py") if not file.name.startswith("__")}
     files = {*(TOP / name for name in named), *modules}
-    this = Path(__file__).stat().st_mtime
-    for file in sorted(files):
-        page = Path(app.outdir) / page_of(file)
-        if not page.is_file() or page.stat().st_mtime < max(file.stat().st_mtime, this):
-            page.parent.mkdir(parents=True, exist_ok=True)
-            page.write_text(html_of(file), encoding="utf-8")
+    this, out = Path(__file__).stat().st_mtime, Path(app.outdir)
+    (out / "_static" / "source.js").write_text(script(), encoding="utf-8")
+    pages = {out / page_of(file): file for file in sorted(files)}
+    old = [page for page, file in pages.items() if not page.is_file() or page.stat().st_mtime < max(file.stat().st_mtime, this)]
+    for page in status_iterator(
+        old, "writing source files... ", "brown", len(old), app.verbosity, stringify_func=lambda page: page.stem
+    ):
+        page.parent.mkdir(parents=True, exist_ok=True)
+        page.write_text(html_of(pages[page]), encoding="utf-8")
 
 
 def linkcode_resolve(domain: str, info: dict[str, str]) -> str | None:

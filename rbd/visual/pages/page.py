@@ -147,10 +147,9 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
 
 @cache
 def _library() -> tuple[int, str]:
-    """Charts and Meshcat's viewer, a copy of that of meshcat 0.3.2: the length of both, and their scripts deflated, with licences."""
-    licence, charts, viewer = (
-        text_of("rbd.visual.pages", f"web/{name}") for name in ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "meshcat/main.min.js")
-    )
+    """Charts and Meshcat's viewer, a copy of that of meshcat 0.3.2: the length of both, and their scripts deflated."""
+    parts = ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "meshcat/main.min.js")
+    licence, charts, viewer = (text_of("rbd.visual.pages", f"web/{name}") for name in parts)
     script = f"/*!\n{licence}*/\n{charts}\n{viewer}".encode()
     return len(script), _deflated(script)
 

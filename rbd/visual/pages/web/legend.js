@@ -71,5 +71,10 @@ function writeLegend(stage, { title, entries, notes }) {
     }
   }
   legend.append(table);
-  for (const line of notes) make("p", "", legend, line);
+  for (const line of notes) make("p", howToTurn(line), legend, line);
+}
+
+// The class of a note that says how to turn the scene: pictures and videos leave it out.
+function howToTurn(note) {
+  return note.startsWith("Drag to turn") ? "turn" : "";
 }

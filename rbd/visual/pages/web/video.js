@@ -25,7 +25,7 @@ class Video {
     document.body.append(this.clock);
     this.painter = new Painter(this.paper);
     // Nobody can turn a video.
-    for (const each of stage.legend.querySelectorAll("p")) if (each.textContent.startsWith("Drag to turn")) each.remove();
+    for (const each of stage.legend.querySelectorAll("p.turn")) each.remove();
     stage.fit();
     viewer.scene.updateMatrixWorld(true);
     this.simplify();
