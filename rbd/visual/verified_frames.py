@@ -94,7 +94,7 @@ def _answered(
     run: Trajectory, samples: Sequence[int], given: Sequence[Constraint], external: External | ExternalAt
 ) -> Iterator[tuple[Frame, float]]:
     """(frame, largest difference of the accelerations) of samples, those without an answer left out."""
-    from rbd import solve
+    from rbd.answers.least_constraint import solve
 
     for i in dict.fromkeys(samples):
         state = run.state(i)
