@@ -36,7 +36,7 @@ SINGULAR = 1e-6
 """A configuration is singular where the ratio of singular values is below this."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Singularity(Displayed):
     """One kind of singularity at one configuration, or the distance from it.
 
@@ -67,7 +67,7 @@ class Singularity(Displayed):
         return f"{self.kind}: singular; {KINDS[self.kind]}; moving: {', '.join(self.joints) or 'none'}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Singularities(Displayed):
     """The kinds of singularity at one configuration, each with its distance and the velocities that show it.
 
@@ -94,7 +94,7 @@ class Singularities(Displayed):
         return "\n".join(map(str, self.kinds.values()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SingularitiesAlong(Displayed):
     """The singularities that a motion passes, and the distance from each kind along it.
 
