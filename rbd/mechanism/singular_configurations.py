@@ -184,8 +184,8 @@ def singularities_along(
     Args:
         state: Where contacts without an anchor are anchored and rows are scaled, e.g. at the path's beginning.
         constraints: As for `singularities`. The ranks for comparison are the largest along the path.
-        path: Configurations in order, shape (k, nq), near enough to the constraints to be projected; or an object with
-            such an array as its `q`.
+        path: Configurations in order, shape (k, nq), near enough to the constraints to be projected; or a `Trace`, or
+            another object with such an array as its `q`.
         inputs: As for `singularities`.
         outputs: As for `singularities`.
         tolerance: As for `singularities`.
