@@ -33,7 +33,7 @@ STARTS = 24
 """Further starts, with a separate seed, before a loop is reported as not closing."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Assembly(Displayed):
     """A configuration that satisfies the constraints, as `assemble` finds it, with its residual.
 
@@ -239,7 +239,7 @@ SAME = 1e-5
 MOST_TRIES = 1_000_000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Branch(Displayed):
     """One assembly mode of a mechanism, as `branches` finds it.
 
@@ -271,7 +271,7 @@ class Branch(Displayed):
         return self.state.q
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Branches(Displayed):
     """All assembly modes that `branches` found, without proof of completeness.
 

@@ -36,7 +36,7 @@ SINGULAR = 1e-6
 """A configuration is singular where the ratio of singular values is below this."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Singularity(Displayed):
     """One kind of singularity at one configuration, or the distance from it.
 
@@ -67,7 +67,7 @@ class Singularity(Displayed):
         return f"{self.kind}: singular; {KINDS[self.kind]}; moving: {', '.join(self.joints) or 'none'}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Singularities(Displayed):
     """The kinds of singularity at one configuration, each with its distance and the velocities that show it.
 
@@ -94,7 +94,7 @@ class Singularities(Displayed):
         return "\n".join(map(str, self.kinds.values()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SingularitiesAlong(Displayed):
     """The singularities that a motion passes, and the distance from each kind along it.
 
@@ -184,8 +184,8 @@ def singularities_along(
     Args:
         state: Where contacts without an anchor are anchored and rows are scaled, e.g. at the path's beginning.
         constraints: As for `singularities`. The ranks for comparison are the largest along the path.
-        path: Configurations in order, shape (k, nq), near enough to the constraints to be projected; or an object with
-            such an array as its `q`.
+        path: Configurations in order, shape (k, nq), near enough to the constraints to be projected; or a `Trace`, or
+            another object with such an array as its `q`.
         inputs: As for `singularities`.
         outputs: As for `singularities`.
         tolerance: As for `singularities`.

@@ -299,7 +299,7 @@ class Joint(Displayed):
 
         Axes are those of its own frame; "continuous" is a hinge without limits.
         """
-        return _words(self._model.joints[self.id], pin.neutral(self._model))
+        return _words(self._model.joints[self.id], np.zeros(self._model.nq))
 
     def _cells(self) -> tuple[str, ...]:
         """Row of the printed table: name, what it does, places, unit, limits."""

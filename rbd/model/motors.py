@@ -149,7 +149,7 @@ def checked_motors(joints: Joints, given: Any, name: str) -> dict[str, Motor | N
         check_kind(f"the motor of {joint!r:.80}", motor, Motor | None, "rbd.Motor(limit=...), or None for no motor")
         if found.kind == "FreeFlyer" or (motor is not None and found.nv != 1):
             raise InputError(
-                f"joint {joint!r:.80} of {name} has {found.nv} degrees of freedom ({found.kind}); a motor is at a joint "
+                f"joint {joint!r:.80} of {name} has {found.nv} degrees of freedom ({found.words}); a motor is at a joint "
                 "with one."
             )
         out[joint] = motor

@@ -145,10 +145,9 @@ def frames(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce], 
         size: Of the robot [m].
     """
     listed = []
-    for joint in range(1, robot.model.njoints):
-        kind = robot.model.joints[joint].shortname().removeprefix("JointModel")
-        lines = [f"frame of the joint ({kind})", "x red, y green, z blue"]
-        listed.append({"name": robot.model.names[joint], "lines": lines, "at": _pose(data.oMi[joint]), "joint": joint})
+    for joint in robot.joints.values():
+        lines = [f"frame of the joint ({joint.words})", "x red, y green, z blue"]
+        listed.append({"name": joint.name, "lines": lines, "at": _pose(data.oMi[joint.id]), "joint": joint.id})
     lines = ["frame of the contact", "x red, y green, z (normal) blue"]
     patches = {contact.name: contact.patch for contact in contacts if contact.patch is not None}
     poses = {name: pin.SE3(np.array(patch.axes), np.array(patch.point)) for name, patch in patches.items()}

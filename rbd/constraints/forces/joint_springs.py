@@ -101,8 +101,8 @@ class JointSpring(ByValue, Displayed):
                 )
         else:
             raise InputError(
-                f"{self.name!r:.80}: joint {self.joint!r:.80} has {joint.nv} degrees of freedom ({joint.kind}); a joint spring "
-                "is in a joint with one, or in a ball joint. See rbd.Spring and rbd.Bushing."
+                f"{self.name!r:.80}: joint {self.joint!r:.80} has {joint.nv} degrees of freedom ({joint.words}); a joint "
+                "spring is in a joint with one, or in a ball joint. See rbd.Spring and rbd.Bushing."
             )
         return joint
 
