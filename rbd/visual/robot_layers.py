@@ -123,6 +123,8 @@ def _small_hull(points: Array) -> tuple[Mesh, float]:
 def bodies(robot: Robot, parts: Sequence[RobotPart]) -> str:
     """Names of what is drawn of a robot, for the page, as JSON: {link, joint, mass [kg]} of each part and collision shape."""
     told = [_body(robot, part.link or part.name, part.joint) for part in parts]
+    for each, part in zip(told, parts, strict=True):
+        each |= {"shape": "an outline: its mesh is missing"} if part.missing else {}
     shapes = []
     for shape in collision_parts(robot):
         what = f"convex hull of its collision mesh, to {1e3 * shape.outside:.2g} mm" if shape.hull else "its collision shape"
