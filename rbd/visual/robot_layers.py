@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -59,7 +58,7 @@ def collision_parts(robot: Robot) -> tuple[CollisionPart, ...]:
     loaded, are left out.
     """
     if robot not in _HULLS:
-        made = kept_pieces(robot, "collision", Path(__file__), lambda: [_piece(shape) for shape in _collision_parts(robot)])
+        made = kept_pieces(robot, "collision", lambda: [_piece(shape) for shape in _collision_parts(robot)])
         _HULLS[robot] = tuple(_shape(*piece) for piece in made)
     return _HULLS[robot]
 

@@ -104,7 +104,7 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
         InputError: a bare model, which has no shapes.
     """
     if drawable(robot) not in _DONE:  # a second of work for Talos, and as many scenes as one likes
-        pieces = kept_pieces(robot, "visual", Path(__file__), lambda: [piece_of(part) for part in _made(robot)])
+        pieces = kept_pieces(robot, "visual", lambda: [piece_of(part) for part in _made(robot)])
         held = [_box_of(thing, robot) for thing in carried_by(robot)]
         _DONE[robot] = (*(part_of(*piece) for piece in pieces), *held)
     return _DONE[robot]

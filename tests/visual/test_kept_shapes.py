@@ -11,6 +11,7 @@ import pytest
 
 import rbd
 from rbd.errors import ModelWarning
+from rbd.visual.kept_shapes import CODE
 from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import EDGE, robot_parts
 
@@ -83,6 +84,17 @@ def test_another_mesh_under_the_same_name_is_another_robot(place: Path) -> None:
     write_stl(place / "part.stl", 1.0)
     assert drawn(place) == first
     assert len(kept(place)) == 4
+
+
+def test_other_code_makes_shapes_anew(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an older version kept has another name, whichever of the modules has changed."""
+    drawn(place)
+    for n, module in enumerate(CODE, 2):
+        (place / module.name).write_bytes(module.read_bytes() + b"#")
+        changed = [place / each.name if each == module else each for each in CODE]
+        monkeypatch.setattr("rbd.visual.kept_shapes.CODE", tuple(changed))
+        drawn(place)
+        assert len(kept(place)) == 2 * n
 
 
 def test_shapes_in_memory_are_drawn_as_they_are(place: Path) -> None:
