@@ -84,6 +84,11 @@ class ShapedRobot(CheckedModel):
         return self._collision.model
 
     @property
+    def visual_stand_ins(self) -> frozenset[str]:
+        """Names in `visual_model` of the boxes that replace meshes that cannot be loaded."""
+        return self._visual.stand_ins
+
+    @property
     def collision_stand_ins(self) -> frozenset[str]:
         """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
         return self._collision.stand_ins

@@ -25,17 +25,21 @@ from rbd.errors import PictureError
 from rbd.model import meshes as model_meshes
 from rbd.model.output_files import write_file
 from rbd.robots.body_shapes import ShapedRobot
-from rbd.visual import shapes
 from rbd.visual.shapes import Mesh
 
 Piece = tuple[dict[str, Any], Mesh, pin.SE3]
 """What is plain data, triangles, and where they are."""
+CODE = (
+    *(Path(__file__).with_name(f"{name}.py") for name in ("kept_shapes", "robot_meshes", "robot_layers", "shapes")),
+    Path(model_meshes.__file__),
+)
+"""What makes shapes, and what their form is."""
 ENDING, DIGEST_BYTES = ".shapes", 32
 MOST_BYTES = 300_000_000
 """Of all files together; the oldest go."""
 
 
-def kept_pieces(robot: object, what: str, code: Path, make: Callable[[], Sequence[Piece]]) -> list[Piece]:
+def kept_pieces(robot: object, what: str, make: Callable[[], Sequence[Piece]]) -> list[Piece]:
     """Pieces as they were kept, else as they are made, which are then kept.
 
     Not kept are shapes of robots without a URDF file of their own, shapes that are in memory already, as they may have been
@@ -44,10 +48,9 @@ def kept_pieces(robot: object, what: str, code: Path, make: Callable[[], Sequenc
     Args:
         robot: The robot.
         what: "visual" or "collision".
-        code: Of what makes them.
         make: Makes them.
     """
-    name = _name(robot, what, code)
+    name = _name(robot, what)
     if name is None:
         return list(make())
     file = _folder() / name
@@ -61,7 +64,7 @@ def kept_pieces(robot: object, what: str, code: Path, make: Callable[[], Sequenc
     return made
 
 
-def _name(robot: object, what: str, code: Path) -> str | None:
+def _name(robot: object, what: str) -> str | None:
     if not isinstance(robot, ShapedRobot) or type(robot).visual_model is not ShapedRobot.visual_model:
         return None
     drawn_as_collision = robot.has_read("collision") and robot.element.find("link/visual") is None
@@ -71,11 +74,11 @@ def _name(robot: object, what: str, code: Path) -> str | None:
     if files is None:
         return None
     model, parts = robot.model, [what, robot.text, pin.__version__, coal.__version__, np.__version__]
-    parts += [_hash_of(Path(str(each))) for each in (code, __file__, shapes.__file__, model_meshes.__file__)]
     placed = [*zip(model.names, model.parents, model.jointPlacements, model.inertias, strict=True)]
     parts += [f"{name} {parent} {X.homogeneous.tolist()} {I.toDynamicParameters().tolist()}" for name, parent, X, I in placed]
     parts += [f"{f.name} {f.parentJoint} {f.placement.homogeneous.tolist()}" for f in model.frames]
     try:
+        parts += [_hash_of(file) for file in CODE]
         parts += [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
     except OSError:
         return None

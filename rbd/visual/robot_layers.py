@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -59,7 +58,7 @@ def collision_parts(robot: Robot) -> tuple[CollisionPart, ...]:
     loaded, are left out.
     """
     if robot not in _HULLS:
-        made = kept_pieces(robot, "collision", Path(__file__), lambda: [_piece(shape) for shape in _collision_parts(robot)])
+        made = kept_pieces(robot, "collision", lambda: [_piece(shape) for shape in _collision_parts(robot)])
         _HULLS[robot] = tuple(_shape(*piece) for piece in made)
     return _HULLS[robot]
 
@@ -123,6 +122,8 @@ def _small_hull(points: Array) -> tuple[Mesh, float]:
 def bodies(robot: Robot, parts: Sequence[RobotPart]) -> str:
     """Names of what is drawn of a robot, for the page, as JSON: {link, joint, mass [kg]} of each part and collision shape."""
     told = [_body(robot, part.link or part.name, part.joint) for part in parts]
+    for each, part in zip(told, parts, strict=True):
+        each |= {"shape": "an outline: its mesh is missing"} if part.missing else {}
     shapes = []
     for shape in collision_parts(robot):
         what = f"convex hull of its collision mesh, to {1e3 * shape.outside:.2g} mm" if shape.hull else "its collision shape"

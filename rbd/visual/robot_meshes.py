@@ -38,6 +38,11 @@ INERTIA_OPACITY = 0.55
 COLLISION_OPACITY = 0.25
 PLACEHOLDER = 5.0
 """Collision shapes wider than this many times the longest bone are omitted from a skeleton."""
+EDGE = 0.015
+"""Radius of an outline's bars, over its longest side."""
+MOST_NAMED = 6
+KEPT = ("name", "joint", "color", "opacity", "link", "missing")
+"""Plain data of a piece."""
 Element = ElementTree.Element
 Rgba = tuple[float, float, float, float]
 
@@ -54,6 +59,7 @@ class RobotPart:
         color: '#rrggbb'.
         opacity: 1 is solid.
         link: Frame of the robot's file that carries it; empty of what is none of its shapes.
+        missing: Whether it is an outline in place of a mesh that cannot be loaded.
     """
 
     name: str
@@ -63,6 +69,7 @@ class RobotPart:
     color: str
     opacity: float
     link: str = ""
+    missing: bool = False
 
     def looks_like(self, other: RobotPart) -> bool:
         """Whether another piece has the same place, look and mesh."""
@@ -97,7 +104,7 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
         InputError: a bare model, which has no shapes.
     """
     if drawable(robot) not in _DONE:  # a second of work for Talos, and as many scenes as one likes
-        pieces = kept_pieces(robot, "visual", Path(__file__), lambda: [piece_of(part) for part in _made(robot)])
+        pieces = kept_pieces(robot, "visual", lambda: [piece_of(part) for part in _made(robot)])
         held = [_box_of(thing, robot) for thing in carried_by(robot)]
         _DONE[robot] = (*(part_of(*piece) for piece in pieces), *held)
     return _DONE[robot]
@@ -105,13 +112,13 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
 
 def piece_of(part: RobotPart, **further: object) -> Piece:
     """A piece as it is kept, with further plain data."""
-    told = {name: getattr(part, name) for name in ("name", "joint", "color", "opacity", "link")}
+    told = {name: getattr(part, name) for name in KEPT}
     return told | further, part.mesh, part.placement
 
 
 def part_of(told: Mapping[str, Any], mesh: Mesh, placement: pin.SE3) -> RobotPart:
     """The piece."""
-    return RobotPart(told["name"], told["joint"], placement, mesh, told["color"], told["opacity"], told["link"])
+    return RobotPart(placement=placement, mesh=mesh, **{name: told[name] for name in KEPT})
 
 
 def frame_name(robot: CheckedModel, number: int) -> str:
@@ -121,7 +128,9 @@ def frame_name(robot: CheckedModel, number: int) -> str:
 
 def _made(robot: Robot) -> list[RobotPart]:
     drawn = robot.visual_model.geometryObjects
-    if parts := [replace(part, link=frame_name(robot, obj.parentFrame)) for obj in drawn for part in _parts_of(obj)]:
+    lost: frozenset[str] = getattr(robot, "visual_stand_ins", frozenset())
+    pieces = [(obj, _outlines(obj, robot) if obj.name in lost else _parts_of(obj)) for obj in drawn]
+    if parts := [replace(part, link=frame_name(robot, obj.parentFrame)) for obj, some in pieces for part in some]:
         return parts
     shapes = [part for obj in robot.collision_model.geometryObjects for part in _parts_of(obj)]
     # A cylinder of 2 m about a humanoid's waist is a placeholder, and would hide the robot.
@@ -145,6 +154,33 @@ def _loop_ends(robot: Robot) -> list[tuple[int, Array]]:
     named = [getattr(loop, end, None) for loop in robot.loops() for end in ("frame_a", "frame_b")]
     sites = [robot.site(frame) for frame in named if isinstance(frame, str)]
     return [(joint, np.array(X_JF.translation)) for joint, X_JF in sites]
+
+
+def _outlines(obj: pin.GeometryObject, robot: Robot) -> list[RobotPart]:
+    """Edges of boxes around the link's collision shapes; of the box in place of the mesh, where there is no such shape."""
+    own = [shape for shape in robot.collision_model.geometryObjects if shape.parentFrame == obj.parentFrame]
+    own = [shape for shape in own if shape.name not in robot.collision_stand_ins]
+    made = [(shape, mesh) for shape in own or [obj] if (mesh := triangles(shape.geometry)) is not None and len(mesh.faces)]
+    return [
+        RobotPart(obj.name, shape.parentJoint, shape.placement, _box_edges(mesh.vertices), SKELETON_COLOR, 1.0, missing=True)
+        for shape, mesh in made
+    ]
+
+
+def _box_edges(points: Array) -> Mesh:
+    """Thin bars along the edges of the box around some points, shape (n, 3) [m]."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    corners = np.where(np.array(list(np.ndindex(2, 2, 2)), bool), high, low)
+    edges = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
+    radius = EDGE * float(np.max(high - low))
+    return joined([shapes.tube(corners[[i, k]], radius) for i, k in edges])
+
+
+def missing_note(parts: Sequence[RobotPart]) -> str:
+    """Of which links the meshes are missing, for a legend; empty where none is."""
+    links = list(dict.fromkeys(part.link for part in parts if part.missing))
+    more = f" and {len(links) - MOST_NAMED} more" if len(links) > MOST_NAMED else ""
+    return f"Outlines: the meshes of {', '.join(links[:MOST_NAMED])}{more} are missing." if links else ""
 
 
 def _parts_of(obj: pin.GeometryObject) -> list[RobotPart]:

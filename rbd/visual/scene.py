@@ -31,7 +31,7 @@ from rbd.visual.pages.link import checked_layers, checked_view
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder, ViewerNode, drawn_together
 from rbd.visual.robot_layers import a_direction, camera_and_ground, frames, front_of, seen_from
-from rbd.visual.robot_meshes import RobotPart
+from rbd.visual.robot_meshes import RobotPart, missing_note, robot_parts
 from rbd.visual.style import a_page, a_picture, contact_colors
 from rbd.visual.verified_frames import verified
 
@@ -381,7 +381,8 @@ class Scene(Displayed, Closing):
         if not self._legend:
             return
         colors, poses = contact_colors(self._seen), self._body.poses
-        words = poses.entries(), poses.note, self._shown_terrains()
+        note = " ".join(filter(None, [missing_note(robot_parts(self.robot)), poses.note]))
+        words = poses.entries(), note, self._shown_terrains()
         what = legend_data(self.robot.name, self._picture, colors, self.sizes, self._statics, *words)
         self.recorder.post("legend", json.dumps({"legend": what}))
 

@@ -406,6 +406,16 @@ def test_in_a_narrow_window_charts_are_below(opened: BrowserPage) -> None:
         assert (left, right) == pytest.approx((14.0, width - 14.0), abs=1.0)
         assert 250.0 < top < bottom < shown.evaluate("stage.player.footer.getBoundingClientRect().top")
         assert shown.evaluate(hidden) == expected
+    apart, inside = shown.evaluate(
+        """(() => {
+          const legend = document.getElementById("legend"), fold = legend.querySelector("h1 button");
+          if (legend.dataset.fold === "folded") fold.click();
+          const it = legend.getBoundingClientRect(), buttons = document.querySelector(".toolbar .row").getBoundingClientRect();
+          return [it.top - buttons.bottom, it.right <= window.innerWidth && legend.scrollWidth <= legend.clientWidth];
+        })()"""
+    )
+    assert apart > 0.0
+    assert inside is True
     at_size(shown, 420, 320)
     assert shown.evaluate("stage.player.curves.folded")
     shown.evaluate("void (stage.touched = true)")  # the camera stays, the panel moves

@@ -11,8 +11,9 @@ import pytest
 
 import rbd
 from rbd.errors import ModelWarning
+from rbd.visual.kept_shapes import CODE
 from rbd.visual.robot_layers import collision_parts
-from rbd.visual.robot_meshes import robot_parts
+from rbd.visual.robot_meshes import EDGE, robot_parts
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -85,6 +86,17 @@ def test_another_mesh_under_the_same_name_is_another_robot(place: Path) -> None:
     assert len(kept(place)) == 4
 
 
+def test_other_code_makes_shapes_anew(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an older version kept has another name, whichever of the modules has changed."""
+    drawn(place)
+    for n, module in enumerate(CODE, 2):
+        (place / module.name).write_bytes(module.read_bytes() + b"#")
+        changed = [place / each.name if each == module else each for each in CODE]
+        monkeypatch.setattr("rbd.visual.kept_shapes.CODE", tuple(changed))
+        drawn(place)
+        assert len(kept(place)) == 2 * n
+
+
 def test_shapes_in_memory_are_drawn_as_they_are(place: Path) -> None:
     """A shape that was added by hand is drawn, and is not kept."""
     drawn(place)
@@ -104,3 +116,27 @@ def test_boxes_in_place_of_meshes_are_not_kept(place: Path) -> None:
             with pytest.warns(ModelWarning, match="boxes in place of 1 mesh"):
                 drawn(place)
         assert not kept(place)
+
+
+def test_a_missing_mesh_is_an_outline_with_a_name(place: Path) -> None:
+    """Of the link's collision shape, a cylinder of 0.3 m and 0.8 m: bars along the edges of the box around it; else a box."""
+    file = place / "one.urdf"
+    cylinder = '<collision><geometry><cylinder radius="0.3" length="0.8"/></geometry></collision>'
+    text = file.read_text().partition("<collision>")[0] + cylinder + "</link></robot>"
+    (place / "part.stl").unlink()
+    for written, half in ((text, [0.3, 0.3, 0.4]), (file.read_text(), [0.5 * np.sqrt(6.0)] * 3)):
+        file.write_text(written)
+        robot = rbd.load_robot(file)
+        with pytest.warns(ModelWarning, match="boxes in place of 1 mesh"):
+            (part,) = robot_parts(robot)
+        assert (part.missing, part.link) == (True, "body")
+        half = np.minimum(half, 0.5)  # the box of equal inertia has sides of 1 m at most
+        thick = EDGE * 2.0 * half.max()
+        away = np.abs(np.abs(part.mesh.vertices) - half) < thick + 1e-9
+        assert (away.sum(axis=1) >= 2).all()  # on an edge: at the ends of two of the three sides
+        assert np.abs(part.mesh.vertices).max(axis=0) == pytest.approx(half + thick, rel=0.05)
+        with rbd.visual.Scene(robot) as scene:
+            scene.show(rbd.State(robot, robot.neutral()))
+            page = scene.page()
+        assert "Outlines: the meshes of body are missing." in page
+        assert "an outline: its mesh is missing" in page

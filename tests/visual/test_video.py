@@ -230,6 +230,22 @@ def test_a_picture_costs_a_fraction_of_the_pages(browser: Browser, tmp_path: Pat
     assert spent[1] < 0.5 * spent[0], spent
 
 
+def test_the_camera_follows_in_a_video(browser: Browser, tmp_path: Path) -> None:
+    """Where the robot travels far: its centre of mass is at one place of all pictures, and leaves it without following."""
+    box, t = rbd.load_robot("urdf/box.urdf"), np.array([0.0, 1.0])
+    q = np.array([[0.0, 0, 0.1, 0, 0, 0, 1], [6.0, 0, 0.1, 0, 0, 0, 1]])
+    page = rbd.visual.export_motion(rbd.Motion.of_arrays(box, t, q, quaternion="xyzw"), tmp_path / "box.html", charts=False)
+    settings = "{ width: 64, height: 40, quality: 0.9, speed: 1 }"
+    ready = f"{text_of('rbd.visual.pages', 'web/video.js')}\nvoid (window.video = new Video(stage, {settings}))"
+    where = "[0, 0.05].map((t) => { video.draw(t); return stage.project(stage.player.cast.ball.position.toArray()); })"
+    with browser.open(page, width=320, height=200, before=video._BEFORE) as shown:
+        shown.evaluate(ready)
+        kept = shown.evaluate(where)
+        shown.evaluate("stage.player.go(0); stage.player.setFollow(false)")
+        left = shown.evaluate(where)
+    assert np.hypot(*np.subtract(*kept)) < 1.0 < 20.0 < np.hypot(*np.subtract(*left))  # pixels
+
+
 def processor_time(group: int) -> float:
     """Seconds that a browser and its processes have worked."""
     first = psutil.Process(group)

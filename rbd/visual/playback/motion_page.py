@@ -33,7 +33,7 @@ from rbd.visual.playback.motion_frames import (
 from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
 from rbd.visual.robot_layers import collision_parts
-from rbd.visual.robot_meshes import RobotPart, hull_of
+from rbd.visual.robot_meshes import RobotPart, hull_of, missing_note
 from rbd.visual.shapes import outermost
 from rbd.visual.style import COM_COLOR, GHOST_COLOR, SUPPORT_COLOR, contact_colors
 
@@ -315,6 +315,7 @@ class MotionPage:
         ]
         scale = f"{scale_note(sizes.metres_per_newton, sizes.weight_N)} Double arrowhead: not drawn to full length."
         said = [scale] * bool(contacts or frames.pushes) + [ELEMENT_COLORS] * bool(frames.elements)
+        said += [missing] if (missing := missing_note(self.parts)) else []
         lanes = {name: color for name, color in self.shown.lanes.items() if name in frames.modes}
         return {
             **self._carried(),
