@@ -47,7 +47,7 @@ class LinkShape:
 
     Attributes:
         link: Name of the link.
-        shape: The shape; its `coal` may be larger.
+        shape: The shape; the `coal` of round ones may be larger.
         corners: All corners, shape (n, 3), in the joint's axes [m].
         contacts: Numbers of the contacts that its link touches with.
     """
@@ -329,7 +329,9 @@ def _away(given: LinkShape, points: Array) -> LinkShape | None:
     rounds = tuple(r for r in shape.rounds if np.linalg.norm(points - r.centre, axis=1).min() > POINT_M)
     if not far.any() and not rounds:
         return None
-    return replace(given, shape=replace(shape, vertices=given.corners[far], rounds=rounds), corners=given.corners[far])
+    kept = given.corners[far]
+    left = replace(shape, vertices=kept, rounds=rounds) if rounds else replace(polyhedron(shape.name, kept), joint=shape.joint)
+    return replace(given, shape=left, corners=kept)
 
 
 def _all_shapes(robot: CheckedModel) -> Iterator[tuple[str, ConvexShape]]:

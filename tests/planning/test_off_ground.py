@@ -17,7 +17,8 @@ from rbd.motion.frame_terms import placements
 from rbd.motion.ground_clearance import ROOM_M, OverGround
 from rbd.motion.self_collision import DEEP_M
 from rbd.planning import Plan
-from rbd.planning.kept_off import MEASURED, off_ground, over_ground
+from rbd.planning.curve import Curve
+from rbd.planning.kept_off import MEASURED, _bounds, off_ground, over_ground
 from rbd.planning.stays import planned_contacts
 
 LOW, TOP = 0.06, 0.08
@@ -133,10 +134,16 @@ def test_a_foot_goes_over_a_wall_or_is_refused_by_name(solo: rbd.Robot, height: 
     assert plan.certified and wall.distances(np.array(foot)).min() > -1e-3 and max(x[2] for x in foot) > height
 
 
+def tilted() -> rbd.Terrain:
+    """A box with edges and corners upwards."""
+    X = pin.SE3(pin.utils.rotate("y", 0.3), np.array([0.05, 0.0, -0.1]))
+    return rbd.Terrain({"box": (coal.Box(0.3, 0.25, 0.2), X)})
+
+
 @pytest.mark.parametrize("uneven", [False, True])
 def test_distances_are_those_of_coal(solo: rbd.Robot, rng: np.random.Generator, uneven: bool):
     """At random poses near to a slope, or to a box whose edges and corners some links are nearest to."""
-    box = rbd.Terrain({"box": (coal.Box(0.3, 0.25, 0.2), pin.SE3(pin.utils.rotate("y", 0.3), np.array([0.05, 0.0, -0.1])))})
+    box = tilted()
     slope = rbd.Ground(point=(0.0, 0.0, -0.1), normal=(0.28, 0.0, 0.96))
     ground: Any = box if uneven else slope
     over = OverGround.of(solo, solo.feet(on=ground), ground, np.zeros((1, 3)))
@@ -160,6 +167,26 @@ def test_distances_are_those_of_coal(solo: rbd.Robot, rng: np.random.Generator, 
                 exact[i, k] = gap
     assert len(exact) > 30 and max(abs(found[key] - gap) for key, gap in exact.items()) < 1e-6
     assert (edges > 10) == uneven
+
+
+def test_links_are_no_nearer_than_the_bound(solo: rbd.Robot, rng: np.random.Generator):
+    """Between knots of a fast random motion beside a tilted box, on a fine grid; the bound is within 2 mm of some."""
+    box = tilted()
+    over = OverGround.of(solo, solo.feet(on=box), box, np.zeros((1, 3)))
+    t, start = np.linspace(0.0, 0.4, 9), solo.neutral()
+    start[:3] = 0.0, 0.0, 0.3
+    curve = Curve.of(solo, t, np.array([pin.integrate(solo.model, start, rng.normal(0.0, 0.12, solo.nv)) for _ in t]))
+    begin = np.linspace(0.0, 0.395, 80)
+    end, within = begin + 5e-3, 0.1
+    R, p = placements(solo, curve.at(np.linspace(begin, end, 9).ravel())[0])
+    dense = {(i, j): np.full(len(R), within) for i in range(len(over.shapes)) for j in range(len(over.pieces))}
+    for i, j, near in over.near(R, p, within):
+        dense[i, j][near.frames] = near.gap
+    left = []
+    for i, j, some, gaps in _bounds(curve, over, begin, end, within):
+        left.append(dense[i, j].reshape(9, -1).min(axis=0)[some] - gaps)
+    off = np.concatenate(left)
+    assert len(off) > 200 and off.min() > -1e-9 and np.quantile(off, 0.1) < 2e-3
 
 
 def test_what_a_contact_exempts(talos: rbd.Robot):
