@@ -192,6 +192,7 @@ def seen_in_browser(site: Path, browser: str) -> tuple[dict, list[str]]:
     (site / "probe.html").write_text(page, encoding="utf-8")
     handler = functools.partial(Quiet, directory=str(site))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        server.handle_error = lambda *_: None  # a page that is left takes no more of a file
         threading.Thread(target=server.serve_forever, daemon=True).start()
         flags = [flag for flag in FLAGS if not flag.startswith(("--host-resolver", "--virtual-time"))]
         flags += [
