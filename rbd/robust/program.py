@@ -279,7 +279,9 @@ def largest(
     g[s] = -1.0
     kinds = [clarabel.ZeroConeT(equal.count), clarabel.NonnegativeConeT(above.count)]
     kinds += [clarabel.SecondOrderConeT(3)] * (round_.count // 3)
-    found = clarabel.DefaultSolver(sparse.csc_matrix((count, count)), g, M, side, kinds, clarabel_settings(_TOLERANCE)).solve()
+    settings = clarabel_settings(_TOLERANCE)
+    settings.time_limit = np.inf  # its steps end it: on a busy machine a proof has as many parts as on an idle one
+    found = clarabel.DefaultSolver(sparse.csc_matrix((count, count)), g, M, side, kinds, settings).solve()
     X, z = np.asarray(found.x), np.asarray(found.z)
     if "Infeasible" in str(found.status) or not (np.isfinite(X).all() and np.isfinite(z).all()):
         X = np.full(count, np.nan)

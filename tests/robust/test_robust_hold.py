@@ -43,6 +43,14 @@ def test_a_block_is_held_up_to_the_friction_angle_and_not_beyond(off):
     assert held.margin == pytest.approx(at_a_point, rel=0.02) and slips.reach > 1e6 * BOX.mass * G
 
 
+def test_a_busy_machine_proves_the_same(monkeypatch):
+    """No clock ends the programs: without a moment of time the proof is that of an idle machine."""
+    idle = on_slope(0.3)
+    monkeypatch.setattr("rbd.solvers.conic_newton.CONIC_SECONDS", 1e-9)
+    busy = on_slope(0.3)
+    assert idle.proved and busy.document == idle.document
+
+
 @pytest.mark.parametrize(("friction", "largest"), [(0.2, 0.2 * 20.0 * G), (0.9, 20.0 * G * 0.2 / 0.5)])
 def test_a_crate_slips_or_tips(friction, largest):
     """Pushed at its middle, half its height above ground, it slips at mu m g or tips where push x height = m g x half width."""
