@@ -100,7 +100,7 @@ def robust() -> Path:
     solo = rbd.load_robot("solo12")
     state, feet, angle = solo.standing(), solo.feet(friction=0.7), np.arange(16) * 2.0 * np.pi / 16
     ways, given = np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle]), {"mass": 0.2, "com": {"base_link": 0.02}}
-    figure = Figure(figsize=(11.0, 3.5), layout="constrained")
+    figure = Figure(figsize=(14.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     pushes = rbd.robust.PushSet.box("base_link", (-4, -4, 0), (4, 4, 0))
     rbd.robust.region(state, feet, pushes=pushes, friction=0.4, **given).plot(left)
