@@ -2073,7 +2073,7 @@ def public() -> Iterator[str]:
 
 
 INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion", "dynamics.polarised"}
-INNER |= {"Robot.limits_at", "Robot.torque_use", "Robot.too_fast", "Robot.moved"}
+INNER |= {"Robot.limits_at", "Robot.torque_use", "Robot.too_fast", "Robot.moved", "Robot.has_read"}
 INNER |= {"dynamics.energies_and_momenta", "dynamics.unconstrained"}
 """What constraints and problems call, with what was checked."""
 

@@ -366,7 +366,7 @@ def test_bad_motors_of_a_robot_are_named(solo):
     with pytest.raises(InputError, match="motors is .* expected {joint: rbd.Motor"):
         solo.with_motors([rbd.Motor()])
     for motor in (rbd.Motor(), None):
-        with pytest.raises(InputError, match=r"joint 'root_joint' of solo12 has 6 degrees of freedom \(FreeFlyer\)"):
+        with pytest.raises(InputError, match=r"joint 'root_joint' of solo12 has 6 degrees of freedom \(floating\)"):
             solo.with_motors({"root_joint": motor})
     with pytest.raises(InputError, match="others_passive"):
         solo.with_motors({}, others_passive=1)
