@@ -142,7 +142,7 @@ def see_motion(page: BrowserPage) -> None:
     page.evaluate("stage.player.go(stage.player.last)")
     assert page.evaluate("stage.player.t === stage.player.last && !stage.player.playing")
     page.evaluate("stage.player.go(0.5 * (stage.player.first + stage.player.last))")
-    assert page.evaluate("document.querySelectorAll('.curves svg').length") > 0
+    assert page.evaluate("document.querySelectorAll('.curves canvas').length") > 0
     assert page.evaluate("getComputedStyle(document.querySelector('.player')).display") != "none"
 
 
