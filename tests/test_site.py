@@ -289,7 +289,7 @@ def test_a_source_page_has_an_anchor_at_each_function():
     html = sources.html_of(file)
     assert sources.address(file, "test_mathjax_is_installed") == "source/tests/test_site.py.html#test_mathjax_is_installed"
     assert sources.address(file, "log_message") == "source/tests/test_site.py.html#Quiet.log_message"
-    assert '<span id="test_mathjax_is_installed" class="target"></span>def test_mathjax_is_installed' in html
+    assert '<i id="test_mathjax_is_installed"></i>def test_mathjax_is_installed' in html
     shown = re.sub(r"<[^>]+>", "", html[html.index("<pre") :]).replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
     assert shown.strip() == file.read_text(encoding="utf-8").strip()
 

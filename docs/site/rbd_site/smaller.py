@@ -17,7 +17,7 @@ AS_IT_IS = re.compile(r"(<pre\b.*?</pre>|<script\b.*?</script>|<textarea\b.*?</t
 PLAIN = re.compile(r'<span class="(?:pre|w|p)">([^<]*)</span>')
 """Marks that the theme does not style, or only colours in signatures."""
 SAID_ALREADY = re.compile(r' title="(?:rbd\.[\w.]+|Link to this heading|Link to this definition)"')
-NEAR, PHOTOGRAPH = 93, 0.6
+NEAR, PHOTOGRAPH = 90, 0.6
 """Quality of photographs of scenes: those that then take less than this share of what the exact picture takes."""
 ICONS = Path(furo.__file__).parent / "theme" / "furo" / "partials" / "icons.html"
 

@@ -95,7 +95,7 @@ def html_of(file: Path) -> str:
     text = file.read_text(encoding="utf-8")
     lines = escape(text, quote=False).split("\n")
     for anchor, line in beginnings(file).items():
-        lines[line - 1] = f'<span id="{anchor}" class="target"></span>{lines[line - 1]}'
+        lines[line - 1] = f'<i id="{anchor}"></i>{lines[line - 1]}'
     name = file.relative_to(TOP).as_posix()
     up = "../" * page_of(file).count("/")
     kind, colours = (' class="python"', f'<script src="{up}_static/source.js"></script>') if file.suffix == ".py" else ("", "")
