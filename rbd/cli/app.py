@@ -11,6 +11,7 @@ import math
 import os
 import platform
 import warnings
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -79,12 +80,13 @@ def rbd(
     """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input, 130 interrupted."""
 
 
-app.command(cls=Completing)(in_panels(stand))
-app.command(cls=Completing)(in_panels(region))
-app.command(cls=Completing)(in_panels(check))
-app.command(cls=Completing)(in_panels(walk))
-app.command(cls=Completing)(in_panels(audit))
-app.command(cls=Completing)(in_panels(verify))
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    """A command with panels of options and completion."""
+    return app.command(cls=Completing)(in_panels(function))
+
+
+for _each in (stand, region, check, walk, audit, verify):
+    _command(_each)
 
 
 @app.command()
@@ -103,8 +105,7 @@ def robots() -> None:
         console.print(robots_table(lines))
 
 
-@app.command(cls=Completing)
-@in_panels
+@_command
 def info(
     robot: RobotName,
     root: Annotated[str | None, typer.Option(help="Base: free_flyer, planar or fixed; as its loop file says.")] = None,
@@ -125,8 +126,7 @@ def info(
         console.print(robot_info(loaded, other), soft_wrap=False)
 
 
-@app.command(cls=Completing)
-@in_panels
+@_command
 def mechanism(
     file: Annotated[str, typer.Argument(help="Path of a URDF (its loops in FILE.loops.yaml) or MJCF, or name of a robot.")],
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
@@ -165,8 +165,7 @@ def mechanism(
                     serve(console, scene.open())
 
 
-@app.command(cls=Completing)
-@in_panels
+@_command
 def simulate(
     robot: Annotated[str, typer.Argument(help="Name of a robot (talos, ur5, ...) or path of a URDF (urdf/four_bar.urdf).")],
     duration: Annotated[float, typer.Option(help="Seconds to simulate.")] = 2.0,
@@ -248,8 +247,7 @@ def simulate(
         end(console, trajectory, stopped, external, show=show and plays)
 
 
-@app.command(cls=Completing)
-@in_panels
+@_command
 def plane(
     from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Start of the path of the end point, in metres.")],
     to: Annotated[str, typer.Option(metavar="X,Y", help="End of the path, in metres.")],

@@ -182,7 +182,7 @@ def answering(command: Command | None = None) -> Iterator[None]:
 
 
 def _compiling(count: int) -> AbstractContextManager[Callable[[float], None]]:
-    """The bar of so many functions to compile."""
+    """A progress bar for the functions that are compiled."""
     from rbd.simulation.progress_bar import progress_of
 
     return progress_of(range(count + 1), doing="compiling (once)")

@@ -345,14 +345,13 @@ class Neighbourhood(NamedTuple):
             InputError: the orders differ by more than `ROUGH` at every step.
         """
         n, m, robot = len(along), len(self.middle), self.state.robot
-        left, done, found = np.arange(n), 0, np.ones((n, m + 2))
-        found[:, m] = np.inf
-        while len(left) and done < len(STEPS):
-            steps = STEPS[done : done + (2 if of.takes_columns else 1)]
-            nodes = (along if len(left) == n else along[left])[:, None] * _REACH[done : done + len(steps)].reshape(-1, 1)
-            moved = self.f(robot.moved(self.state.q, nodes.reshape(-1, robot.nv))).reshape(-1, len(steps), len(NODES), m)
-            left, size = judged(moved, self.middle, steps, left, slopes, size, found)
-            done += len(steps)
+
+        def moved(left: Array, steps: slice) -> Array:
+            reach = _REACH[steps]
+            nodes = (along if len(left) == n else along[left])[:, None] * reach.reshape(-1, 1)
+            return self.f(robot.moved(self.state.q, nodes.reshape(-1, robot.nv))).reshape(-1, len(reach), len(NODES), m)
+
+        found, left = differences(moved, self.middle, n, slopes, size, 2 if of.takes_columns else 1)
         apart = float((found[:, m] / np.maximum(found[:, m + 1], _largest(found[:slopes, :m]))).max()) if len(left) else 0.0
         if not apart <= ROUGH:
             raise InputError(
@@ -361,6 +360,29 @@ class Neighbourhood(NamedTuple):
                 "its derivatives, or another state."
             )
         return found[:, :m]
+
+
+def differences(
+    moved: Callable[[Array, slice], Array], middle: Array, n: int, slopes: int, size: float = 0.0, together: int = 1
+) -> tuple[Array, Array]:
+    """(derivatives and how far their two orders are apart, shape (n, m + 2); directions in which they did not agree).
+
+    Args:
+        moved: Values at the nodes of some directions, given by their numbers, with some of `STEPS`, shape
+            (directions, steps, nodes, m).
+        middle: The value between them, shape (m,).
+        n: How many directions.
+        slopes: How many of them, the first ones, want the first derivative; the others want the second.
+        size: Size of the first derivatives, if known.
+        together: Steps that are evaluated together.
+    """
+    left, done, found = np.arange(n), 0, np.ones((n, len(middle) + 2))
+    found[:, len(middle)] = np.inf
+    while len(left) and done < len(STEPS):
+        steps = slice(done, done + together)
+        left, size = judged(moved(left, steps), middle, STEPS[steps], left, slopes, size, found)
+        done += together
+    return found, left
 
 
 def _largest(x: Array) -> float:

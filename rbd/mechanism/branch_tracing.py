@@ -421,7 +421,7 @@ class Trace(Displayed):
 
     @property
     def t(self) -> Array:
-        """Times of the poses while the driven joint moves at 1 rad/s, or 1 m/s, to and fro as it turns back, shape (n,) [s]."""
+        """When each pose is reached if the driven joint moves at 1 rad/s or 1 m/s, also backwards, shape (n,) [s]."""
         return np.r_[0.0, np.cumsum(np.abs(np.diff(self.input)))]
 
     @property

@@ -31,12 +31,11 @@ import numpy as np
 import sympy
 
 from rbd.arrays import Array, as_array, as_finite, max_abs
-from rbd.constraints.function import NODES, ROUGH, STEPS
+from rbd.constraints.function import NODES, ROUGH, STEPS, differences
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar import expressions
 from rbd.planar.angles import JOINT, Symbols
-from rbd.problem.difference_kernel import judged
 
 EXAMPLE = "jacobian([x**2 * y, 5*x + sympy.sin(y)], [x, y])"
 Value = TypeVar("Value", Symbols, Array)
@@ -188,15 +187,13 @@ def _by_differences(f: Callable[[Array], Any], x: Array) -> Array:
     middle = value(x)
     if not np.isfinite(middle).all():
         raise InputError(f"the function is {np.array2string(middle, threshold=6)} at x; expected finite numbers.")
-    n, m = len(x), len(middle)
-    units, left, size, found = np.maximum(1.0, np.abs(x)), np.arange(n), 0.0, np.ones((n, m + 2))
-    found[:, m] = np.inf
-    for k in range(len(STEPS)):
-        ways = np.eye(n)[left, None] * units * STEPS[k] * np.array(NODES)[:, None]
-        moved = np.array([[value(x + way, m) for way in each] for each in ways])[:, None]
-        left, size = judged(moved, middle, STEPS[k : k + 1], left, n, size, found)
-        if not len(left):
-            break
+    n, m, units = len(x), len(middle), np.maximum(1.0, np.abs(x))
+
+    def moved(left: Array, steps: slice) -> Array:
+        ways = np.eye(n)[left, None] * units * STEPS[steps] * np.array(NODES)[:, None]
+        return np.array([[value(x + way, m) for way in each] for each in ways])[:, None]
+
+    found, _ = differences(moved, middle, n, n)
     apart = found[:, m] / np.maximum(found[:, m + 1], max_abs(found[:, :m].ravel()))
     if not apart.max() <= ROUGH:
         raise InputError(

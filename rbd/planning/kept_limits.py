@@ -82,7 +82,7 @@ def joint_limits(robot: CheckedModel, keys: Array) -> tuple[Array, Array]:
 def between(curve: Curve, keys: Array, bodies: BodyPairs | None, over: OverGround | None, halved: int = HALVED) -> Between:
     """That of a curve; joints may be where keyframes (n, nq) have them; distances only of what is given.
 
-    Intervals in which links may be too near to the ground are halved so many times at most.
+    An interval in which a link may be nearer to the ground than its clearance is halved, at most `halved` times.
     """
     robot = curve.robot
     model, (_, k), (low, high) = robot.model, numbers_of(robot), joint_limits(robot, keys)

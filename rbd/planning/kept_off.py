@@ -111,7 +111,7 @@ def too_near(supports: PlannedContacts, over: OverGround) -> tuple[float, str, s
 
 
 def off_ground(curve: Curve, over: OverGround, halved: int = HALVED) -> OffGround:
-    """That of a curve: intervals are halved where links may be nearer than they may be, so many times at most."""
+    """That of a curve. An interval in which a link may be nearer than its clearance is halved, at most `halved` times."""
     start, end, measured = curve.t[:-1], curve.t[1:], MEASURED + float(over.least.max(initial=0.0))
     clear = max(measured - MEASURED, 0.0)
     found = {shape.link: (measured - clear, float(start[0]), "", clear) for shape in over.shapes}

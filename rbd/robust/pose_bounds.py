@@ -4,8 +4,8 @@ With d = q - q0 the distances of the joints of the box from its middle, |d_i| <=
 
     x(q) = mid + sum_i d_i slopes_i + sum_ij d_i d_j bends_ij + remainder,      |remainder| <= rad
 
-for every q of the box. Of a product the terms of third and higher order in d are bounded, and go into rad with all rounding,
-which `rbd.intervals` bounds. So rad falls with the cube of the box's size, down to rounding.
+for every q of the box. In a product, terms of third and higher order in d are bounded; that bound is added to rad, with that of
+all rounding by `rbd.intervals`. So rad falls with the cube of the box's size, down to rounding.
 A joint's rotation enters by sin(q0 + d) = sin q0 + d cos q0 - d^2/2 sin q0 + e, |e| <= |d|^3 / 6, and cos alike; the chain is
 multiplied out.
 
