@@ -8,6 +8,7 @@ Numba is imported by `rbd.kernels` after some answers, not with `rbd`.
 from __future__ import annotations
 
 import os
+import re
 from functools import lru_cache
 
 from rbd.errors import WrongPinocchio
@@ -64,6 +65,17 @@ def _found() -> object:
             + REMEDY
         ) from error
     return pinocchio
+
+
+def without_system_library(error: ImportError) -> WrongPinocchio | None:
+    """The error that names the library of the system which a wheel needs and this machine has not; None if it is not that."""
+    found = re.match(r"(lib[\w+.-]+): cannot open shared object file", str(error))
+    if found is None:
+        return None
+    library = found[1]
+    gomp = library.startswith("libgomp")
+    package = "libgomp1 (Debian, Ubuntu) or libgomp (Fedora)" if gomp else f"the package that has {library}"
+    return WrongPinocchio(f"Pinocchio, or what it uses, needs {library}, which this system has not. Try: install {package}")
 
 
 def check_place() -> None:

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from rbd.errors import InputError
+from rbd.installation import without_system_library
 
 
 def submodule(package: str, name: str) -> ModuleType:
@@ -20,7 +21,17 @@ def submodule(package: str, name: str) -> ModuleType:
     full = f"{package}.{name}"
     if name.startswith("__") or find_spec(full) is None:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    return import_module(full)
+    return _imported(full)
+
+
+def _imported(name: str) -> ModuleType:
+    """A module; where a library of the system is missing, the error says which, and how it is installed."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        if (explained := without_system_library(error)) is None:
+            raise
+        raise explained from error
 
 
 def named(package: str, homes: Mapping[str, str], name: str) -> object:
@@ -36,7 +47,7 @@ def named(package: str, homes: Mapping[str, str], name: str) -> object:
     """
     if name not in homes:
         return submodule(package, name)
-    return getattr(import_module(homes[name]), name)
+    return getattr(_imported(homes[name]), name)
 
 
 def xarray_or_error() -> Any:

@@ -20,7 +20,8 @@ PACKAGE = Path(__file__).parent.parent / "rbd"
 ORDER = """
 displayed
 errors
-arrays installation modules
+arrays installation
+modules
 intervals kernels records
 model problem
 constraints solvers workers

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import installation
+from rbd import installation, modules
 from rbd.errors import CannotHold, InaccurateWarning, InputError, NoSolution, WrongPinocchio
 from rbd.problem.cones import Cone
 from rbd.problem.programs import Outcome
@@ -182,6 +182,25 @@ def test_a_pinocchio_that_cannot_be_imported_is_named(tmp_path: Path, monkeypatc
     with pytest.raises(WrongPinocchio) as error:
         installation._found()
     assert expected in str(error.value)
+
+
+def test_a_missing_library_of_the_system_is_named(monkeypatch: pytest.MonkeyPatch):
+    """A minimal Debian has no OpenMP library; an ImportError of another kind is left as it is."""
+
+    def fails(name: str):
+        raise ImportError(told)
+
+    monkeypatch.setattr(modules, "import_module", fails)
+    told = "libgomp.so.1: cannot open shared object file: No such file or directory"
+    with pytest.raises(WrongPinocchio, match=r"needs libgomp\.so\.1, which this system has not\. Try: install libgomp1"):
+        modules.named("rbd", {"solve": "rbd.answers.least_constraint"}, "solve")
+    told = "libhdf5.so.310: cannot open shared object file: No such file or directory"
+    with pytest.raises(WrongPinocchio, match=r"install the package that has libhdf5\.so\.310"):
+        modules.submodule("rbd", "solvers")
+    told = "cannot import name 'x'"
+    with pytest.raises(ImportError, match="cannot import name 'x'") as error:
+        modules.submodule("rbd", "solvers")
+    assert not isinstance(error.value, WrongPinocchio)
 
 
 def test_planar_is_there_when_it_is_first_asked_for(monkeypatch: pytest.MonkeyPatch):

@@ -66,6 +66,8 @@ KNEE = "left_knee_joint (left_knee)"
         (("", ""), ('range="0 2"', 'range="0 2.1"'), "limit", KNEE, "0 to 2 rad here, 0 to 2.1 rad in leg.xml"),
         (("", ""), (' range="0 2"', ""), "limit", KNEE, "0 to 2 rad here, no limit to no limit rad in leg.xml"),
         (("", ""), ('range="0 2"', 'range="0 2" armature="0.1"'), "armature", KNEE, "rotor inertia in M: 0 kg m2 here, 0.1"),
+        (("", ""), ('range="0 2"', 'range="0 2" damping="2"'), "damping", KNEE, "0 N m s/rad here, 2 N m s/rad in leg.xml"),
+        (("", ""), ('range="0 2"', 'range="0 2" frictionloss="0.2"'), "dry friction", KNEE, "0 N m here, 0.2 N m in leg.xml"),
         (("", ""), ('mass="1"', 'mass="1.2"'), "mass", KNEE, "what it carries: 1 kg here, 1.2 kg in leg.xml"),
         (("", ""), ('mass="1"', 'mass="1.2"'), "mass", "leg", "all moving bodies: 7 kg here, 7.2 kg in leg.xml"),
         (("", ""), ('pos="0 0 -0.2"', 'pos="0 0 -0.21"'), "centre", "left_hip_joint", "(0, 0.1, -0.2) m here at q = 0"),
@@ -107,6 +109,17 @@ def test_the_report_and_the_command_line_have_the_differences(tmp_path: Path):
     assert "35 N m here, 50 N m in leg.xml" in answer.stdout
     answer = CliRunner().invoke(app, ["info", str(one), "--beside", str(tmp_path / "none.xml")])
     assert answer.exit_code == 2 and "no file" in answer.stderr
+
+
+def test_what_is_said_of_several_joints_alike_is_said_once():
+    """One line with the numbers, and the joints below it; the finding of each is in `differences`."""
+    other = rbd.load_robot(text=MJCF.replace(' range="', ' armature="0.01" range="'))
+    report = rbd.doctor(rbd.load_robot(text=URDF), beside=other)
+    assert [issue.kind for issue in report.differences] == ["armature"] * 2
+    head, line, names = str(report).splitlines()
+    assert head.endswith("2 differences from leg.xml")
+    assert line.split() == "differs armature these 2: rotor inertia in M: 0 kg m2 here, 0.01 kg m2 in leg.xml".split()
+    assert names.split(", ") == ["                     left_hip_joint", KNEE]
 
 
 @pytest.mark.parametrize(("other", "says"), [("leg.xml", "beside is str"), (None, "beside is the robot itself")])

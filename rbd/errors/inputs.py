@@ -224,7 +224,7 @@ class PictureError(RbdError):
 
 
 class WrongPinocchio(RbdError, ImportError):
-    """`import pinocchio` finds a module other than pip's Pinocchio; the message gives the remedy.
+    """`import pinocchio` finds a module other than pip's Pinocchio, or a library of the system is missing; with the remedy.
 
     Example:
         >>> rbd.installation.check(np)  # as if NumPy were what `import pinocchio` finds

@@ -126,7 +126,7 @@ def _limits(pair: Pair, robot: CheckedModel, other: CheckedModel, file: str) -> 
     one, two = pair.ours, pair.theirs
     if one.nv != 1:
         return
-    unit = one.unit
+    unit, force = one.unit, "N m" if one.unit == "rad" else "N"
     if any(_apart(x, y) for x, y in ((one.lower, two.lower), (one.upper, two.upper))):
         text = f"{_number_of(one.lower)} to {_number_of(one.upper)} {unit} here, "
         yield ModelIssue("limit", pair.name, f"{text}{_number_of(two.lower)} to {_number_of(two.upper)} {unit} in {file}")
@@ -135,7 +135,7 @@ def _limits(pair: Pair, robot: CheckedModel, other: CheckedModel, file: str) -> 
         if effort[0] != effort[1]:
             driven, passive = ("here", f"in {file}") if effort[1] is None else (f"in {file}", "here")
             yield ModelIssue("effort", pair.name, f"has a motor {driven}, and none {passive}")
-    elif text := _number(effort[0], effort[1], "N m" if unit == "rad" else "N", file):
+    elif text := _number(effort[0], effort[1], force, file):
         yield ModelIssue("effort", pair.name, text)
     both = np.isfinite([one.speed, two.speed]).all()  # an MJCF has no place for it
     if both and (text := _number(one.speed, two.speed, f"{unit}/s", file)):
@@ -143,6 +143,19 @@ def _limits(pair: Pair, robot: CheckedModel, other: CheckedModel, file: str) -> 
     inside = [float(each.model.armature[joint.v][0]) for each, joint in ((robot, one), (other, two))]
     if text := _number(inside[0], inside[1], "kg m2" if unit == "rad" else "kg", file):
         yield ModelIssue("armature", pair.name, f"rotor inertia in M: {text}")
+    for kind, values, of in (("damping", _damping, f"{force} s/{unit}"), ("dry friction", _dry_friction, force)):
+        if text := _number(values(robot, one), values(other, two), of, file):
+            yield ModelIssue(kind, pair.name, text)
+
+
+def _damping(robot: CheckedModel, joint: Joint) -> float:
+    return float(robot.model.damping[joint.v][0])
+
+
+def _dry_friction(robot: CheckedModel, joint: Joint) -> float:
+    """Pinocchio's bound of what a file leaves out is infinite: none."""
+    bound = float(robot.model.upperDryFrictionLimit[joint.v][0])
+    return bound if np.isfinite(bound) else 0.0
 
 
 def _bodies(pair: Pair, here: _World, there: _World, file: str) -> Iterator[ModelIssue]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,7 @@ class ModelReport(Displayed):
         return not self.errors
 
     def __str__(self) -> str:
-        """A table, one line a finding."""
+        """A table: a line a finding; one for all joints, links or meshes of which the same is said, with their names below."""
         found = [("ERROR", f) for f in self.errors] + [("warning", f) for f in self.warnings]
         head = f"{self.robot}: {len(self.errors)} errors, {len(self.warnings)} warnings"
         if self.beside:
@@ -127,9 +128,18 @@ class ModelReport(Displayed):
         found += [("differs", f) for f in self.differences] + [("note", f) for f in self.notes]
         if not found:
             return head
-        kind, where = (max(len(getattr(f, key)) for _, f in found) for key in ("kind", "where"))
-        where = min(where, 40)
-        return "\n".join([head, *(f"  {mark:7}  {f.kind:{kind}}  {f.where:{where}}  {f.text}" for mark, f in found)])
+        lines: dict[tuple[str, str, str], list[str]] = {}
+        for mark, f in found:
+            lines.setdefault((mark, f.kind, f.text), []).append(f.where)
+        titles = [names[0] if len(names) == 1 else f"these {len(names)}:" for names in lines.values()]
+        kind, where = max(len(f.kind) for _, f in found), min(max(map(len, titles)), 40)
+        out = [head]
+        for (mark, each, text), title, names in zip(lines, titles, lines.values(), strict=True):
+            out.append(f"  {mark:7}  {each:{kind}}  {title:{where}}  {text}")
+            if len(names) > 1:
+                indent = " " * (13 + kind)
+                out += wrap(", ".join(names), 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+        return "\n".join(out)
 
     def summary(self) -> str:
         """Errors, and warnings counted by kind, in one line; empty if there are none."""
