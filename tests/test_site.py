@@ -433,11 +433,25 @@ def test_tests_behind_a_formula_are_folded():
         ("M v+ = M v + J^T p", r"M v^{+} = M v + J^{\top} p"),
         ("1/2 |a - a_free|_M^2", r"\tfrac12  \vert a - a_{\rm free}\vert _{M}^{2}"),
         ("J a + J_dot v in K*", r"J a + \dot J v\text{ in }K^{*}"),
+        ("|M a - rhs|", r"\vert M a - \mathrm{rhs}\vert "),
     ],
 )
 def test_formulas_of_docstrings_are_set_as_mathematics(line, expected):
     """Letters as symbols, words as words."""
     assert formulas.tex(line).replace(" \\text", r"\text").replace("} K", "}K") == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Its rows obey J a + J_dot v = 0, shape (m,).", ["J a + J_dot v = 0"]),
+        ("Used is |f_t| / (mu f_n) of a point, of\nM a + h =\nS^T tau.", ["|f_t| / (mu f_n)", "M a + h = S^T tau"]),
+        ("A point is a force [kg m^2], x_i and a number 2 of q; a.b^2; f(x)^2; w = d^2 @ e.", []),
+    ],
+)
+def test_formulas_in_sentences_of_docstrings_are_set(text, expected):
+    """Articles, units, names of Python and parts of longer expressions stay."""
+    assert [node.rawsource for node in formulas.inline(text) if isinstance(node, nodes.math)] == expected
 
 
 def test_pages_lose_only_what_says_nothing():

@@ -1,10 +1,11 @@
-"""Formulas of docstrings as mathematics: what stands after `::` in plain letters, M v+ = M v + J^T p, is set by MathJax."""
+"""Formulas of docstrings as mathematics: M v+ = M v + J^T p, after `::` or in a sentence, is set by MathJax."""
 
 from __future__ import annotations
 
 import re
 
 from docutils import nodes
+from sphinx.addnodes import desc_signature
 from sphinx.application import Sphinx
 
 GREEK = "alpha|beta|gamma|delta|lambda|mu|omega|phi|psi|rho|sigma|tau|theta|xi|zeta"
@@ -20,6 +21,18 @@ TOKEN = re.compile(
 FORMULA = re.compile(r"\^|_dot|_free|\|.*\||''|\bmu\b|\bdet\b|K\*")
 NOT_ONE = re.compile(r"[`\":;]|'s | / dt| {8,}[a-z]{3,} [a-z]|^\d |\(also")
 """What tables have, and lists in words."""
+
+_NAMES = "alpha|beta|gamma|delta|eta|lambda|mu|nu|omega|phi|psi|rho|sigma|tau|theta|xi|zeta"
+_WORDS = "argmin|bias|error|feedback|limit|margin|offset|rhs|velocity"
+_SYMBOL = rf"(?:{_NAMES}|{_WORDS}|[A-Za-z]|[A-Z]\d)(?:_(?:ext|free|dot|[A-Za-z0-9]{{1,2}}))?(?![A-Za-z0-9_])(?!\.\w)"
+_ATOM = rf"(?:\d+(?:\.\d+)?(?![\w.])|{_SYMBOL})(?:\^(?:T|-?\d+|\+)|['*]+|[+-](?=[ ,)=]))*"
+_TERM = rf"-?[(|]*{_ATOM}[)|]*(?:_[A-Za-z](?![A-Za-z0-9_]))?(?:\^(?:T|-?\d+))?"
+INLINE = re.compile(rf"(?<![\w`.^|(\[/'-]){_TERM}(?:(?:\s?(?:<=|>=|[=<>+/*-]|\bx\b)\s?|\s){_TERM})*(?![\w(\['|^.-]\w|[(\[|^)])")
+"""Letters, numbers and signs in a sentence that may be a formula."""
+_OPERATOR = re.compile(r"\s*[=+*/<>@~]|\s+-\s")
+"""Beside it: then it is part of a formula that has words in it."""
+_SURE = re.compile(r"\^|_dot|_free|\|.*\||''|\b(?:mu|tau) [a-z]\b")
+"""What no sentence has: in which case it is one."""
 
 
 def tex(line: str) -> str:
@@ -57,7 +70,7 @@ def tex(line: str) -> str:
                 inside = text[1:]
                 made.append(f"_{{{inside}}}" if len(inside) == 1 else rf"_{{\rm {inside.replace('_', ' ')}}}")
             case "word":
-                made.append(rf"\text{{ {text} }}")
+                made.append(rf"\mathrm{{{text}}}" if text in _WORDS.split("|") else rf"\text{{ {text} }}")
             case "most" | "least":
                 made.append(r"\le " if kind == "most" else r"\ge ")
             case "dual":
@@ -87,6 +100,38 @@ def set_formulas(app: Sphinx, doctree: nodes.document) -> None:
             block.replace_self(nodes.math_block(text, text, nowrap=False, number=None, label=None))
 
 
+def inline(text: str) -> list[nodes.Node]:
+    """A sentence with its formulas as nodes; empty if it has none. What stands in square brackets is a unit."""
+    made: list[nodes.Node] = []
+    end = 0
+    for found in INLINE.finditer(text):
+        line = " ".join(found[0].split())
+        before, after = text[: found.start()], text[found.end() :]
+        part = _OPERATOR.match(after) or _OPERATOR.match(before[::-1]) or before.count("[") > before.count("]")
+        if part or not _SURE.search(line) or line.count("(") != line.count(")") or line.count("|") % 2 or line[:2] == "a ":
+            continue
+        made += [nodes.Text(text[end : found.start()]), nodes.math(line, tex(line).strip())]
+        end = found.end()
+    return [*made, nodes.Text(text[end:])] if made else []
+
+
+def set_inline(app: Sphinx, doctree: nodes.document) -> None:
+    """Set the formulas in sentences of a page of the API, and those in backquotes."""
+    if not app.env.docname.startswith("api/"):
+        return
+    kept = (nodes.literal, nodes.FixedTextElement, nodes.math, nodes.Invisible, nodes.title, desc_signature)
+    for code in list(doctree.findall(nodes.literal)):
+        if INLINE.fullmatch(line := code.astext()) and _SURE.search(line) and (" " in line or "|" in line):
+            code.replace_self(nodes.math(line, tex(line).strip()))
+    for text in list(doctree.findall(nodes.Text)):
+        above = text.parent
+        while above is not None and not isinstance(above, kept):
+            above = above.parent
+        if above is None and (made := inline(str(text))):
+            text.parent.replace(text, made)
+
+
 def setup(app: Sphinx) -> None:
     """Register with Sphinx."""
     app.connect("doctree-read", set_formulas, priority=80)
+    app.connect("doctree-read", set_inline, priority=900)
