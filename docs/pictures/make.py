@@ -110,7 +110,7 @@ def robust() -> Path:
 
 
 def motion_timing() -> Path:
-    """The pace of `docs/reference/motions.md`: G1 leans, the least slowed timing and the fastest one."""
+    """The pace of `docs/reference/motion_repair.md`: G1 leans, the least slowed timing and the fastest one."""
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
     for ax, most in zip(figure.subplots(1, 2), (1.0, 3.0), strict=True):
         rbd.motion.find_timing(scenes.lean(1.0), fastest=most).plot(ax)
