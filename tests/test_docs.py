@@ -143,10 +143,10 @@ def test_names_that_do_not_exist_are_noticed():
     assert not resolves("rbd.dynamics.coriolis_tensors") and not resolves("rbd.State.quaternion_of_nobody")
 
 
-def test_the_index_of_modules_is_that_of_the_code(monkeypatch: pytest.MonkeyPatch):
-    """docs/architecture.md lists every module with the first line of its docstring: `python docs/pictures/architecture.py`."""
+def test_the_table_of_rooms_is_that_of_the_code(monkeypatch: pytest.MonkeyPatch):
+    """docs/architecture.md lists every room with the first line of its docstring: `python docs/pictures/architecture.py`."""
     script = TOP / "docs" / "pictures" / "architecture.py"
     monkeypatch.setattr(sys, "argv", [str(script), "--check"])
     with pytest.raises(SystemExit) as end:
         runpy.run_path(str(script), run_name="__main__")
-    assert end.value.code == 0, "the index is not that of the code: python docs/pictures/architecture.py"
+    assert end.value.code == 0, "the table is not that of the code: python docs/pictures/architecture.py"

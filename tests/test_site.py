@@ -31,6 +31,7 @@ from rbd_site import (  # noqa: E402  # noqa: E402
     gallery,
     links,
     mathjax,
+    modules,
     public,
     shared_scenes,
     smaller,
@@ -294,6 +295,17 @@ def test_a_source_page_has_an_anchor_at_each_function():
     assert shown.strip() == file.read_text(encoding="utf-8").strip()
 
 
+def test_the_pages_of_rooms_list_every_module_once():
+    """A module stands on its room's page alone, with the first line of its docstring."""
+    made = modules.pages()
+    names = [name for text in made.values() for name in re.findall(r"^- `(rbd[\w.]+)`: \S", text, flags=re.MULTILINE)]
+    files = [file for file in (TOP / "rbd").rglob("*.py") if not file.name.startswith("__")]
+    assert sorted(names) == sorted(file.relative_to(TOP).with_suffix("").as_posix().replace("/", ".") for file in files)
+    assert "- `rbd.answers.many.states`: Many states" in made["modules/rbd.answers.md"]
+    assert modules.address("rbd.answers.many") == "modules/rbd.answers.html#rbd-answers-many"
+    assert modules.address("rbd") == "modules/rbd.html"
+
+
 def test_the_source_of_an_error_is_the_file_that_writes_it():
     """Errors name their package as their module; [source] leads to the module in it."""
     written = {"CannotHold": "no_solution", "ModelWarning": "warned", "RbdError": "reasons", "nearest": "inputs"}
@@ -366,7 +378,7 @@ def test_the_search_knows_the_sections_of_the_site():
     """Every section whose pages the search shows earlier or later exists."""
     script = (TOP / "docs" / "site" / "scorer.js").read_text(encoding="utf-8")
     sections = re.findall(r"(\w+): -?\d", script[script.index("SECTIONS = {") : script.index("};")])
-    made = {"gallery", "changelog", "contributing"}  # pages that the build makes
+    made = {"gallery", "changelog", "contributing", "modules"}  # pages that the build makes
     assert sections and all(s in made or (TOP / "docs" / s).is_dir() or (TOP / "docs" / f"{s}.md").is_file() for s in sections)
 
 

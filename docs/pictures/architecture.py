@@ -1,10 +1,9 @@
-"""Draws docs/pictures/architecture.png, and writes the index of modules into docs/architecture.md.
+"""Draws docs/pictures/architecture.png, and writes the table of rooms and sub-packages into docs/architecture.md.
 
 python docs/pictures/architecture.py             both
-python docs/pictures/architecture.py --check     exit code 1 where the page's index is not that of the code
+python docs/pictures/architecture.py --check     exit code 1 where the page's table is not that of the code
 """
 
-import ast
 import sys
 from pathlib import Path
 
@@ -12,38 +11,43 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 TOP = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(TOP / "docs" / "site"))
+from rbd_site.modules import first_line, packages  # noqa: E402
+
 PAGE = TOP / "docs" / "architecture.md"
-BEGIN, END = "<!-- index: made by docs/pictures/architecture.py -->\n", "<!-- end of the index -->\n"
+BEGIN, END = "<!-- rooms: made by docs/pictures/architecture.py -->\n", "<!-- end of the rooms -->\n"
 
 ROOMS = [  # from the ground up, as tests/test_layers.py keeps them: (name, what it holds)
     [("errors", "errors and warnings"), ("arrays", "checked numbers"), ("installation, modules", "what is loaded")],
-    [("model", "robot files, State,\ndynamics; Pinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
+    [("model", "robot files, State, dynamics;\nPinocchio"), ("problem", "cones, rows, problem,\nresiduals; NumPy")],
     [("constraints", "contacts, loops, joints,\nwheels: rows of a State"), ("solvers", "problem to answer")],
-    [("robots", "Robot, load_robot,\npostures, feet"), ("analysis", "unique? contradictory?\nderivatives")],
-    [("solution", "answer and certificate"), ("least_constraint", "solve"), ("many", "solve_many")],
+    [("robots", "load_robot, postures,\nfeet"), ("answers", "solve, solve_many, certificates,\nuniqueness, derivatives")],
     [
-        ("statics, centroid", "hold, least effort,\nmotions of the centroid"),
-        ("mechanism", "assemble, trace,\nmobility"),
-        ("control", "inverse dynamics,\ncontrollers"),
+        ("statics", "hold, least effort,\nsupport regions"),
+        ("centroid", "motions of the\ncentre of mass"),
+        ("robust", "all members\nof a set"),
     ],
+    [("mechanism", "assemble, trace,\nmobility, small motion"), ("control", "inverse dynamics,\nwhole-body control, walking")],
     [("simulation", "simulate, Trajectory"), ("planar", "chains in symbols")],
+    [("motion", "reference motions, repair, identification, measured forces")],
+    [("audits", "forces of\nother engines"), ("planning", "motions over\ngiven contacts"), ("worlds", "many worlds\nat once")],
     [
         ("visual", "pages, plots"),
-        ("motion", "reference motions,\nmeasured forces"),
+        ("studies", "samples,\ncomparisons"),
+        ("envs", "Gymnasium"),
         ("testing", "checks of your\nown kinds"),
-        ("studies", "both laws,\nsolvers"),
     ],
-    [("cli", "rbd stand, simulate, mechanism, plane")],
+    [("cli", "the command rbd")],
 ]
 WAYS = {
     "rbd.solve": [
         ("(robot, q, v)", "robots"),
         ("State: M, h, kinematics", "model.state"),
         ("Rows: J, bias, cone of each constraint", "constraints"),
-        ("GaussProblem: M, rhs, rows", "problem.problem"),
+        ("GaussProblem: M, rhs, rows", "problem.gauss_problem"),
         ("Answer: a, f", "solvers"),
         ("Residuals of the law, in N and m/s2", "problem.residuals"),
-        ("Solution: forces, certificate, what is unique", "solution"),
+        ("Solution: forces, certificate", "answers.solution"),
     ],
     "rbd.simulate": [
         ("State at t", "model.state"),
@@ -58,32 +62,16 @@ WAYS = {
 _EDGE, _FILL, _WAY = "#30507a", "#eaf1fa", "#fdf3e3"
 
 
-def index() -> str:
-    """A line a module: its name and the first sentence of its docstring."""
-    lines = []
-    files = sorted((TOP / "rbd").rglob("*.py"), key=lambda path: (path.parent != TOP / "rbd", path))
-    for path in files:
-        name = path.relative_to(TOP).with_suffix("").as_posix().removesuffix("/__init__")
-        first = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n\n")[0].replace("\n", " ")
-        room = path.name == "__init__.py"
-        lines.append(f"\n### {name.replace('/', '.')}\n\n{first}\n" if room else f"- `{name.replace('/', '.')}`: {first}")
-    return "\n".join(_grouped(lines)) + "\n"
-
-
-def _grouped(lines: list[str]) -> list[str]:
-    """The lines with blank ones between the lists."""
-    out: list[str] = []
-    for line in lines:
-        if line.startswith("\n") and out and not out[-1].startswith("\n"):
-            out.append("")
-        out.append(line.strip("\n") + ("\n" if line.startswith("\n") else ""))
-    return out
+def table() -> str:
+    """A line for each room and sub-package: its name and the first line of its docstring."""
+    lines = [f"| `{name}` | {first_line(folder / '__init__.py')} |" for name, folder in packages().items()]
+    return "\n".join(["| room | contents |", "| --- | --- |", *lines]) + "\n"
 
 
 def written() -> str:
-    """The page with the index of today's code."""
+    """The page with the table of today's code."""
     text = PAGE.read_text(encoding="utf-8")
-    return text[: text.index(BEGIN) + len(BEGIN)] + "\n" + index() + "\n" + text[text.index(END) :]
+    return text[: text.index(BEGIN) + len(BEGIN)] + "\n" + table() + "\n" + text[text.index(END) :]
 
 
 def draw() -> Figure:
@@ -93,20 +81,20 @@ def draw() -> Figure:
     axes.set(xlim=(0, 13), ylim=(0, 8.6))
     axes.axis("off")
     axes.text(2.9, 8.3, "sub-packages: each imports only those below it", ha="center", fontsize=11, weight="bold")
-    height = 0.86
+    height = 0.725
     for layer, rooms in enumerate(ROOMS):
         width, y = 5.5 / len(rooms), 0.25 + layer * height
         for i, (name, words) in enumerate(rooms):
             _box(axes, 0.15 + i * width, y, width - 0.1, height - 0.14, name, words, _FILL)
     for i, (verb, stops) in enumerate(WAYS.items()):
         x = 6.1 + 3.45 * i
-        axes.text(x + 1.65, 8.3, f"the data's way through {verb}", ha="center", fontsize=11, weight="bold")
+        axes.text(x + 1.65, 8.3, f"flow of data through {verb}", ha="center", fontsize=11, weight="bold")
         for k, (record, module) in enumerate(stops):
             y = 7.25 - k * 1.1
             _box(axes, x, y, 3.3, 0.74, record, module, _WAY)
             if k:
                 axes.annotate("", (x + 1.65, y + 0.76), (x + 1.65, y + 1.08), arrowprops={"arrowstyle": "-|>", "color": _EDGE})
-    axes.text(7.75, 0.18, "nobody writes back", ha="center", fontsize=9, style="italic")
+    axes.text(7.75, 0.18, "no step changes the data of an earlier one", ha="center", fontsize=9, style="italic")
     axes.text(11.2, 0.18, "the next step begins at the top again", ha="center", fontsize=9, style="italic")
     return figure
 

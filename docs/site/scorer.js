@@ -1,5 +1,5 @@
 /* What the search shows first: pages for users before pages on how the package is built; a class before its members. */
-const SECTIONS = { tasks: 6, courses: 4, reference: 4, start: 4, gallery: 2, design: -3, architecture: -3, contributing: -3, changelog: -4 };
+const SECTIONS = { tasks: 6, courses: 4, reference: 4, start: 4, gallery: 2, design: -3, architecture: -3, modules: -3, contributing: -3, changelog: -4 };
 
 var Scorer = {
   score: ([docname, title, anchor, descr, score]) => {

@@ -1,7 +1,8 @@
 """Links from plain Markdown: names of the package, tests, examples and citations become links.
 
-`rbd.solve` opens its page of the API, or its source where it has none; `tests/x.py::test_y` the test; [Gauss1829] the
-bibliography; a relative link to a file of the repository its highlighted page.
+`rbd.solve` opens its page of the API, or its source where it has none, and a room in the table of docs/architecture.md the
+list of its modules; `tests/x.py::test_y` the test; [Gauss1829] the bibliography; a relative link to a file of the repository
+its highlighted page.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
-from rbd_site import bibliography, gallery, sources
+from rbd_site import bibliography, gallery, modules, sources
 from rbd_site.pages import TOP
 from rbd_site.public import PACKAGES, homes, place_of, short_names
 
@@ -48,6 +49,8 @@ def to_source(env: BuildEnvironment, docname: str, file: Path, shown: nodes.Node
 def linked_literal(env: BuildEnvironment, docname: str, literal: nodes.literal) -> nodes.Element | None:
     """The link that stands in for a name in code quotes, or None."""
     text, shown = literal.astext(), literal.deepcopy()
+    if docname == modules.AT_HOME and text in modules.packages() and has_parent(literal, nodes.table):
+        return nodes.reference("", "", shown, internal=True, refuri=up(docname, modules.address(text)))
     if found := FILE.fullmatch(text):
         file = TOP / found[1]
         if file.suffix == ".md":

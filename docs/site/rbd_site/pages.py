@@ -51,9 +51,10 @@ def add_pages(app: Sphinx) -> None:
     project = SiteProject(app.srcdir, app.config.source_suffix)
     project.restore(app.project)
     project.top, project.generated = Path(app.confdir).resolve().parent, {}
-    from rbd_site import api, bibliography, gallery, notebooks  # they import this module's TOP
+    from rbd_site import api, bibliography, gallery, modules, notebooks  # they import this module's TOP
 
-    for name, text in {**api.pages(), **gallery.pages(), **notebooks.pages(), "bibliography.rst": bibliography.page()}.items():
+    made = {**api.pages(), **modules.pages(), **gallery.pages(), **notebooks.pages(), "bibliography.rst": bibliography.page()}
+    for name, text in made.items():
         path = Path(app.doctreedir) / "generated" / name
         write(path, text)
         project.generated[name.rsplit(".", 1)[0]] = path

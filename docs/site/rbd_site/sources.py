@@ -110,7 +110,7 @@ def html_of(file: Path) -> str:
 
 
 def write_sources(app: Sphinx, error: Exception | None) -> None:
-    """Write the pages of all modules, which docs/architecture.md lists, and of files that pages link to, if new."""
+    """Write the pages of all modules, which `rbd_site.modules` lists by rooms, and of files that pages link to, if new."""
     if error is not None or app.builder.format != "html":
         return
     named = set().union(*app.env.__dict__.get("rbd_sources", {}).values(), ())
