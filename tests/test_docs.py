@@ -30,6 +30,21 @@ def in_code(page: Path) -> set[str]:
     return set(re.findall(r"`([^`\n]+)`", text))
 
 
+def prose(text: str) -> int:
+    """Words of a page that are read: without code, formulas and addresses of links."""
+    text = re.sub(r"^(`{3,})[^\n]*\n.*?^\1\s*$", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\$\$.*?\$\$", "", text, flags=re.DOTALL)
+    text = re.sub(r"`[^`]*`|\$[^$]*\$", "x", re.sub(r"\]\([^)]*\)", "]", text))
+    return len(re.findall(r"[A-Za-z][A-Za-z'’-]*", text))
+
+
+def test_the_pages_are_as_short_as_they_are_meant_to_be():
+    """80,000 words together, with what is not a page of the site: who reads one, finds what is said once."""
+    assert prose("One `two` $three$ [four](five.md)\n```python\nsix\n```\n$$ seven $$ eight's") == 5
+    pages = [*PAGES, TOP / "README.md", TOP / "CONTRIBUTING.md", TOP / "urdf" / "README.md"]
+    assert sum(prose(page.read_text(encoding="utf-8")) for page in pages) <= 80_000
+
+
 @pytest.mark.parametrize("page", WITH_CODE, ids=name_of)
 def test_the_code_of_the_page_prints_what_it_shows(page):
     """Python blocks run in order, in one namespace, and print the text block that follows them."""

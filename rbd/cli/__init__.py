@@ -1,4 +1,4 @@
-"""The command line: `rbd stand`, `rbd region`, `rbd check`, `rbd simulate`, `rbd mechanism`, `rbd plane` and their reports."""
+"""The command line, `rbd stand` and its like, and what its commands print."""
 
 from functools import partial as _partial
 

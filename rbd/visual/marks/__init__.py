@@ -1,1 +1,1 @@
-"""What is drawn around a robot: forces, cones, patches, regions, footprints, as coloured triangles."""
+"""What is drawn around a robot: forces, cones, patches, regions, footprints, as coloured shapes."""
