@@ -13,8 +13,8 @@ from test_readme import TOP, blocks, broken_links, run_page
 PAGES = sorted(page for page in (TOP / "docs").rglob("*.md") if "_build" not in page.parts)
 PAGES += [TOP / "examples" / "README.md", TOP / "CHANGELOG.md"]
 COURSES = ("least_constraint", "planar_chains", "velocity_constraints")
-DERIVED = [TOP / "docs" / "reference" / page for page in ("theory.md", "control.md")]
-"""Pages whose equations name what computes and what tests them: theory, whole-body control, and all pages of the courses."""
+DERIVED = [TOP / "docs" / "reference" / page for page in ("theory.md", "control.md", "walking.md")]
+"""Pages whose equations name what computes and what tests them: theory, control, walking, and all pages of the courses."""
 for course in COURSES:
     DERIVED += [page for page in sorted((TOP / "docs" / "courses" / course).glob("*.md")) if page.stem != "index"]
 WITH_CODE = [page for page in PAGES if any(block.language == "python" for block in blocks(page))]

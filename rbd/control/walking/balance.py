@@ -93,7 +93,7 @@ class Balance(Walk):
     Not considered: collisions of legs, but for the least distance of two feet; the inertia of the leg in the air, limits of
     joints and torques in the plan, which the controller keeps as well as it can (`log`); slopes, in the motion of x. Constants
     are shares of h, g and sqrt(h / g); they were chosen on pushes of Talos with 80 N s. What was simulated is told in
-    docs/reference/control.md.
+    docs/reference/walking.md.
 
     Args:
         robot: The robot, with two feet.
