@@ -471,8 +471,9 @@ class TestRecords:
                         listed.setdefault(kind, set()).add((cells[0].strip("`"), cells[1].replace("\\|", "|"), mark))
         expected = {}
         for kind in TABLES:
-            marks = ("●" if line.certificate else "✓" if line.default else "○" for line in fields_of(kind))
-            expected[kind.__name__] = {(line.name, line.meaning, mark) for line, mark in zip(fields_of(kind), marks, strict=True)}
+            expected[kind.__name__] = {
+                (line.name, line.meaning, "●" if line.certificate else "✓" if line.default else "○") for line in fields_of(kind)
+            }
         assert listed == expected
 
     def test_kept_names(self):
