@@ -60,7 +60,7 @@ def files(folder: Path) -> str:
         stored = problem.known.get("solution")
         told = "" if stored is None else f"{problem.answer(stored).natural_map:.0e}"
         cells = [
-            problem.name,
+            f"`{problem.name}`",
             problem.dim,
             len(problem.mu),
             answer.verdict,
