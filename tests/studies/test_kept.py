@@ -468,7 +468,7 @@ class TestRecords:
             elif cells and cells[0].startswith("`"):
                 for kind, mark in zip(types, cells[2:], strict=True):
                     if mark:
-                        listed.setdefault(kind, set()).add((cells[0].strip("`"), cells[1].replace("\\|", "|"), mark))
+                        listed.setdefault(kind, set()).add((cells[0].strip("`"), re.sub(r"[`\\]", "", cells[1]), mark))
         expected = {}
         for kind in TABLES:
             expected[kind.__name__] = {
