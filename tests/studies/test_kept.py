@@ -463,8 +463,8 @@ class TestRecords:
         listed: dict[str, set[tuple[str, str, str]]] = {}
         for row in page.partition("<!-- names -->")[2].splitlines():
             cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
-            if cells[:1] == ["name"]:
-                types = [cell.strip("`") for cell in cells[2:]]
+            if cells and re.fullmatch(r"`[\w.]+`", cells[-1]):
+                types = [cell.strip("`").rpartition(".")[2] for cell in cells[2:]]
             elif cells and cells[0].startswith("`"):
                 for kind, mark in zip(types, cells[2:], strict=True):
                     if mark:
