@@ -53,17 +53,19 @@ def files(folder: Path) -> str:
     """Ours on each file, then all solvers on those of few contacts."""
     problems = [read(path) for path in sorted(folder.iterdir()) if path.suffix in (".dat", ".hdf5")]
     solve(problems[0])  # compiled, and loaded
-    lines = ["| file | rows of a contact | contacts | | natural map | FCLIB's error | time [s] | of the stored solution |"]
-    lines.append("| --- | ---: | ---: | --- | ---: | ---: | ---: | ---: |")
+    lines = [
+        "| file | rows of a contact | contacts | solved | natural map | FCLIB's error | time [s] | of the stored solution |",
+        "| --- | ---: | ---: | :---: |" + " ---: |" * 4,
+    ]
     for problem in problems:
         answer = solve(problem)
         stored = problem.known.get("solution")
         told = "" if stored is None else f"{problem.answer(stored).natural_map:.0e}"
         cells = [
-            problem.name,
+            f"`{problem.name}`",
             problem.dim,
             len(problem.mu),
-            answer.verdict,
+            "✓" if answer.solved else "no",
             f"{answer.natural_map:.0e}",
             f"{answer.fclib_error:.0e}",
         ]
@@ -76,13 +78,14 @@ def spheres() -> str:
     """Spheres at rest, by number and friction."""
     solve(spheres_in_a_box(2, 2))
     lines = [
-        "| spheres | contacts | mean friction | | natural map | largest speed [m/s] | time [s] |",
-        "| ---: | ---: | ---: | --- |" + " ---: |" * 3,
+        "| spheres | contacts | mean friction | solved | natural map | largest speed [m/s] | time [s] |",
+        "| ---: | ---: | ---: | :---: |" + " ---: |" * 3,
     ]
     for side, layers, friction in ((5, 5, 0.5), (10, 11, 0.5), (10, 11, 0.1)):
         problem: FrictionProblem = spheres_in_a_box(side, layers, friction=friction)
         answer = solve(problem)
-        cells = [problem.name.split()[0], len(problem.mu), friction, answer.verdict, f"{answer.natural_map:.0e}"]
+        solved = "✓" if answer.solved else "no"
+        cells = [problem.name.split()[0], len(problem.mu), friction, solved, f"{answer.natural_map:.0e}"]
         lines.append("| " + " | ".join(map(str, [*cells, f"{np.abs(answer.u).max():.0e}", f"{answer.seconds:.2g}"])) + " |")
     return "\n".join(lines)
 

@@ -92,7 +92,7 @@ def work(page: Path, cells: list[list[str]]) -> str:
 
 def studies(page: Path, found: dict[str, list[Row]]) -> str:
     """Put the tables of a run into the page on studies of many samples."""
-    told = "Functions without work: how many samples go through, by executor and size of a chunk (two processes each)."
+    told = "Functions without work: samples a second, by samples in a chunk and executor (two processes each)."
     of = versions()
     end = (
         f"Times on the clock of one run, when {BUSY:.1f} other processes wanted the cores: {of['processor']}; "

@@ -123,7 +123,7 @@ def study_rows(n: int = N) -> list[Row]:
         stored = seconds(lambda: study(n, 0, Path(folder) / "push.zarr"))
         inside_stored = INSIDE[0]
     alone, both = min(times["one"]), min(times["two"])
-    pushes = f"{n:,} pushes of Talos by solve_many"
+    pushes = f"{n:,} pushes"
     return [
         Row(f"{pushes}: in two processes, beside one", {"": both / alone}, "x one", (TWO_MARK,)),
         Row(f"{pushes}: what the study adds to the function", {"": 100.0 * (here / inside - 1.0)}, "%", (OVERHEAD_MARK,)),
@@ -158,9 +158,9 @@ def chunk_rows(executors: dict[str, Executor]) -> list[Row]:
         _rate(nothing, 200, executor, 10)
     for chunk, n in ((1, 1_000), (10, 5_000), (100, 30_000), (1_000, 100_000), (10_000, 300_000)):
         found = {name: _rate(nothing, n, executor, chunk) for name, executor in executors.items()}
-        rows.append(Row(f"one by one, {chunk:,} samples a chunk", found, "samples a second"))
+        rows.append(Row(f"one by one, {chunk:,}", found, "1/s"))
     found = {name: _rate(no_work, 2_000_000, executor, 65_536) for name, executor in executors.items()}
-    return [*rows, Row("in batches, 65,536 samples a chunk, three numbers", found, "samples a second")]
+    return [*rows, Row("three numbers in batches, 65,536", found, "1/s")]
 
 
 def _rate(function: Callable[..., object], n: int, executor: Executor, chunk: int) -> float:

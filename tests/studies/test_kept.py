@@ -26,7 +26,7 @@ TABLES = (
     rbd.mechanism.FoundPose, rbd.Trajectory, rbd.motion.MotionReport, rbd.statics.PushLimits, rbd.statics.SupportRegion,
     rbd.statics.ZmpRegion, rbd.answers.analysis.Uniqueness, rbd.studies.LawComparison, rbd.mechanism.Mobility,
 )  # fmt: skip
-"""Types with a table of fields, in the order of docs/reference/studies.md."""
+"""Types with a column in the tables of docs/reference/studies.md."""
 CENTRE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
@@ -458,16 +458,23 @@ class TestRecords:
             assert all(variable.values.shape[:1] == (1,) and variable.long_name for variable in block.variables.values())
 
     def test_the_reference_lists_every_name(self):
-        """docs/reference/studies.md has each name with its line, and whether it is kept where nothing is said."""
+        """docs/reference/studies.md has each name with its line, and a mark where a type has it: always, kept, if named."""
         page = (Path(__file__).parents[2] / "docs" / "reference" / "studies.md").read_text(encoding="utf-8")
-        listed = page.partition("<!-- names -->")[2]
-        expected = []
+        listed: dict[str, set[tuple[str, str, str]]] = {}
+        for row in page.partition("<!-- names -->")[2].splitlines():
+            cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
+            if cells and re.fullmatch(r"`[\w.]+`", cells[-1]):
+                types = [cell.strip("`").rpartition(".")[2] for cell in cells[2:]]
+            elif cells and cells[0].startswith("`"):
+                for kind, mark in zip(types, cells[2:], strict=True):
+                    if mark:
+                        listed.setdefault(kind, set()).add((cells[0].strip("`"), re.sub(r"[`\\]", "", cells[1]), mark))
+        expected = {}
         for kind in TABLES:
-            for line in fields_of(kind):
-                when = "always" if line.certificate else "yes" if line.default else "if named"
-                meaning = line.meaning.replace("|f_t|", "\\|f_t\\|").replace("|a - a_free|", "\\|a - a_free\\|")
-                expected.append(f"| `{line.name}` | {meaning} | {when} |")
-        assert [line for line in listed.splitlines() if line.startswith("| `")] == expected
+            expected[kind.__name__] = {
+                (line.name, line.meaning, "●" if line.certificate else "✓" if line.default else "○") for line in fields_of(kind)
+            }
+        assert listed == expected
 
     def test_kept_names(self):
         """What keep may name, by type; of a subclass those of its base."""
