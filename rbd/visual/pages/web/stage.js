@@ -215,7 +215,7 @@ class Stage {
     sun.shadow.mapSize.set(2048, 2048);
     sun.shadow.bias = -0.0005;
     sun.shadow.normalBias = 0.004 * r;
-    sun.shadow.radius = 4;
+    sun.shadow.radius = 1.5;
     const fill = new T.DirectionalLight(0xffffff, 0.18 * FULL);
     place(fill, 1, -2, 0.6);
     group.add(sun, sun.target, fill, fill.target);
