@@ -8,7 +8,7 @@ QUICK := $(addprefix tests/,test_layers.py test_cones.py test_problem.py test_re
 	test_state.py test_dynamics.py test_robot.py test_equilibrium.py test_rows.py test_errors.py solvers/test_kkt.py \
 	solvers/test_newton.py constraints/test_loop.py mechanism/test_assembly.py simulation/test_impacts.py test_readme.py)
 
-.PHONY: help demo docs test test-long time-tests quick exhaustive lint pythons dist bench bench-contact fuzz mutants coverage pictures clean
+.PHONY: help demo docs test test-long time-tests quick exhaustive lint pythons dist viewer bench bench-contact fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
@@ -18,6 +18,7 @@ help:
 	@echo "make exhaustive all tests, statistical ones with all their draws"
 	@echo "make pythons   the quick tests on every Python that is installed, which the classifiers follow"
 	@echo "make dist      wheel and sdist into dist/, and the demo from each in a clean environment"
+	@echo "make viewer    the viewer of the pages, bundled anew from rbd/visual/pages/viewer (needs npm)"
 	@echo "make bench     what answers and steps cost beside Pinocchio's and MuJoCo's own calls, with their marks"
 	@echo "make bench-contact  friction solvers by recomputed residual: the tables of docs/reference/contact_bench.md; FILES=folder of public problems"
 	@echo "make fuzz      robot files broken on purpose (N=20000 URDF, N_MJCF=4000 MJCF) and PROBLEMS=5000 random problems: refused by name, or right"
@@ -61,6 +62,10 @@ pythons: $(MARKER)
 
 dist: $(MARKER)
 	$(BIN)/python tests/dist.py
+
+# No lock file, which would name package hosts: versions are exact in package.json, and three.js depends on nothing.
+viewer:
+	cd rbd/visual/pages/viewer && npm install --silent --no-package-lock --no-audit --no-fund --ignore-scripts && npm run --silent build; rm -rf node_modules
 
 lint: $(MARKER)
 	$(BIN)/ruff check .

@@ -20,7 +20,7 @@ COMMAND = re.compile(r"^stage\.command\((\d+)\);$|^stage\.place\((\{.*\}), (\d+)
 
 
 def block(text: str, name: str) -> bytes:
-    """What is deflated in the page under this id: "library" is Meshcat's viewer, "pieces" the scene's bytes."""
+    """What is deflated in the page under this id: "library" is the viewer with the charts, "pieces" the scene's bytes."""
     found = re.search(rf'<script type="text/plain" id="{name}">([^<]*)</script>', text)
     assert found is not None
     return zlib.decompress(base64.b64decode(found[1]))

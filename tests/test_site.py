@@ -423,7 +423,7 @@ def test_scenes_share_the_viewer_and_equal_triangles():
             kept.append(whole[sum(sizes[:i]) : sum(sizes[: i + 1])])
             assert f'src="shared/{group}.js"' in inside
         assert tuple(kept) == next(shared_scenes._scenes(raw[name])).pieces
-        assert "script-src 'unsafe-inline' 'unsafe-eval' 'self' file:" in inside
+        assert "script-src 'unsafe-inline' 'self' file:" in inside
 
 
 def test_tests_behind_a_formula_are_folded():

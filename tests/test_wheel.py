@@ -75,10 +75,10 @@ def test_wheel_and_sdist_hold_all_that_the_package_reads(wheel: Path, tmp_path: 
     files = {path.relative_to(TOP).as_posix() for path in (TOP / "rbd").rglob("*") if path.is_file()}
     needed = {name for name in files if "__pycache__" not in name}
     names = set(zipfile.ZipFile(wheel).namelist())
-    assert "rbd/visual/pages/web/meshcat/main.min.js" in needed and needed <= names and needed <= set(inside)
+    assert "rbd/visual/pages/web/viewer/viewer.min.js" in needed and needed <= names and needed <= set(inside)
     assert {"pyproject.toml", "README.md", "urdf/four_bar.urdf", "tests/test_wheel.py"} <= set(inside)
     licences = [name for name in names if ".dist-info/licenses/" in name]
-    assert len(licences) == 5 and [sum(f"web/{of}" in name for name in licences) for of in ("meshcat", "uplot")] == [3, 1]
+    assert len(licences) == 3 and [sum(f"web/{of}" in name for name in licences) for of in ("viewer", "uplot")] == [1, 1]
 
 
 def test_mechanisms_load_by_name_from_the_wheel(installed: Path):

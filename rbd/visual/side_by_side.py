@@ -59,7 +59,7 @@ const wait = setInterval(() => {
   document.body.dataset.ready = "true";
 }, 100);
 </script>""",
-    policy="default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; "
+    policy="default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; worker-src blob:; frame-src 'self' about:",
 )
 

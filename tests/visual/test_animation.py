@@ -194,7 +194,7 @@ def test_constraints_without_points_are_told_by_their_mode(motion, tmp_path):
 
 
 def test_the_page_asks_for_nothing_from_outside(page):
-    """Nothing outside Meshcat's own script names an address, and the page forbids the browser every request."""
+    """Nothing outside the viewer names an address, and the page forbids the browser every request."""
     text = page.read_text(encoding="utf-8")
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)
     assert policy and "default-src 'none'" in policy[1] and "connect-src 'none'" in policy[1]

@@ -22,7 +22,7 @@ from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.shapes import Mesh
 
 MM = 1e-3
-VIEWER = "meshcat/viewer/dist/main.min.js"
+WEB = Path(rbd.__file__).parent / "visual/pages/web"
 MOST_BYTES = {"talos": 3_200_000, "g1": 4_000_000}
 
 
@@ -231,15 +231,12 @@ def test_the_page_draws_before_it_says_that_it_is_ready(standing_page, browser):
     assert (grey < 60.0).mean() > 0.03
 
 
-def test_the_library_in_the_page_is_meshcats_own(standing_page):
-    """Byte for byte: the copy in `rbd` is that of the package, and nothing is patched; before it uPlot's, with its licence."""
-    from importlib.metadata import distribution
-    from importlib.resources import files
-
+def test_the_library_in_the_page_is_that_of_the_package(standing_page):
+    """Byte for byte uPlot with its licence, then the viewer, which names the licence of three.js."""
     text = standing_page("talos").read_text(encoding="utf-8")
-    charts, library = files("rbd.visual.pages").joinpath("web/uplot"), block(text, "library")
-    assert library.endswith(b"\n" + Path(str(distribution("meshcat").locate_file(VIEWER))).read_bytes())
-    assert charts.joinpath("uPlot.iife.min.js").read_bytes() in library and charts.joinpath("LICENSE").read_bytes() in library
+    library, charts, viewer = block(text, "library"), WEB / "uplot", (WEB / "viewer/viewer.min.js").read_bytes()
+    assert library.endswith(b"\n" + viewer) and b"Three.js Authors\n * SPDX-License-Identifier: MIT" in viewer
+    assert (charts / "uPlot.iife.min.js").read_bytes() in library and (charts / "LICENSE").read_bytes() in library
     assert b"The MIT License" in library and b"uPlot (v1.6.32)" in library
 
 

@@ -24,7 +24,7 @@ SCENE = re.compile(
     r"<script>(?P<stage>.*?)</script>\s*(?=<script>\s*let stage;\s*unpackPage\((?P<sizes>\[[\d, ]*\]))",
     re.DOTALL,
 )
-OWN = "script-src 'unsafe-inline' 'unsafe-eval'"
+OWN = "script-src 'unsafe-inline'"
 """What the policy of a page allows; scripts beside it are added."""
 JOIN = """
 // The pieces of this page in its order, from the scripts beside it: the group of each, and its number there.

@@ -26,7 +26,7 @@ from rbd.visual.style import MOST_PIXELS, a_path, check_size, check_there
 
 # The page forbids all requests of the browser: only the contents of the file are loaded.
 _POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; worker-src blob:; connect-src {connect}"
 )
 
@@ -147,8 +147,8 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
 
 @cache
 def _library() -> tuple[int, str]:
-    """Charts and Meshcat's viewer, a copy of that of meshcat 0.3.2: the length of both, and their scripts deflated."""
-    parts = ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "meshcat/main.min.js")
+    """Charts and viewer, which `make viewer` bundles: the length of both, and their scripts deflated."""
+    parts = ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "viewer/viewer.min.js")
     licence, charts, viewer = (text_of("rbd.visual.pages", f"web/{name}") for name in parts)
     script = f"/*!\n{licence}*/\n{charts}\n{viewer}".encode()
     return len(script), _deflated(script)

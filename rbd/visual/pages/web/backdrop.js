@@ -15,7 +15,7 @@ class Backdrop {
     this.frames = { full: 0, quick: 0 };
     this.full = this.viewer.render.bind(this.viewer);
     this.viewer.render = () => this.render();
-    for (const name of ["set_object", "set_transform", "set_property", "delete_path"]) {
+    for (const name of ["set_object", "set_transform", "delete_path"]) {
       const given = this.viewer[name].bind(this.viewer);
       this.viewer[name] = (path, ...rest) => {
         const mark = path[1] === "marks" ? path.slice(2).join("/") : null;
@@ -141,10 +141,9 @@ class Backdrop {
     const { renderer, scene, camera } = this.viewer;
     const size = renderer.getDrawingBufferSize(new T.Vector2());
     const base = this.base(), others = this.others(base);
-    const color = new T.DataTexture(new Uint8Array(4 * size.x * size.y), size.x, size.y, T.RGBAFormat);
-    color.minFilter = color.magFilter = T.NearestFilter;
+    const color = new T.FramebufferTexture(size.x, size.y);
     this.without(others, () => this.full());
-    renderer.copyFramebufferToTexture(new T.Vector2(), color);
+    renderer.copyFramebufferToTexture(color);
     const target = new T.WebGLRenderTarget(size.x, size.y, { minFilter: T.NearestFilter, magFilter: T.NearestFilter });
     target.depthTexture = new T.DepthTexture(size.x, size.y, T.UnsignedIntType);
     // What writes no depth in the picture writes none here.

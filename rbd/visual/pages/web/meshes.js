@@ -5,7 +5,8 @@ async function unpackPage([library, ...sizes], build) {
   const packed = (name) => document.getElementById(name).textContent;
   try {
     const [[viewer], pieces] = await Promise.all([inflated(packed("library"), [library]), inflated(packed("pieces"), sizes)]);
-    (0, eval)(new TextDecoder().decode(viewer));
+    // As an element it is allowed by a policy that forbids eval.
+    document.head.append(make("script", "", null, new TextDecoder().decode(viewer)));
     build(new Stage(document.getElementById("meshcat-pane"), document.getElementById("legend"), pieces));
   } catch (error) {
     document.body.dataset.failed = `This picture could not be drawn. ${error.message}`;

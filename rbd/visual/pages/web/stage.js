@@ -1,6 +1,7 @@
-// The stage on which Meshcat's viewer shows a scene of rbd: light, ground, camera and legend.
+// The stage on which the viewer shows a scene of rbd: light, ground, camera and legend.
 // World is z up, x forward; the camera lives in three.js's own axes, y up: (x, y, z) -> (x, z, -y).
 const LOW_WINDOW = 700;  // pixels
+const FULL = Math.PI;  // intensity of a lamp that shows a white surface which faces it as white
 
 // An element of a class with a text, at the end of a parent.
 function make(tag, kind, parent, text = "") {
@@ -30,7 +31,7 @@ class Stage {
     this.pane = pane;
     this.viewer = new MeshCat.Viewer(pane);
     this.meshes = new Meshes(this.viewer, pieces);
-    // Meshcat asks for the window's size several times while a page loads: only a new one is a reason to draw again.
+    // The viewer asks for the window's size several times while a page loads: only a new one is a reason to draw again.
     const resize = this.viewer.set_3d_pane_size.bind(this.viewer);
     let known = "";
     this.viewer.set_3d_pane_size = (...asked) => {
@@ -48,9 +49,7 @@ class Stage {
     this.foot = 0;
     this.touched = false;
     this.carried = [0, 0, 0];
-    for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
-    this.viewer.set_property(["Background"], "top_color", [0.99, 0.99, 1.0]);
-    this.viewer.set_property(["Background"], "bottom_color", [0.86, 0.89, 0.92]);
+    this.viewer.set_background([0.99, 0.99, 1.0], [0.86, 0.89, 0.92]);
     for (const event of ["pointerdown", "wheel", "touchstart"]) {
       pane.addEventListener(event, () => { this.touched = true; }, { passive: true });
     }
@@ -201,7 +200,7 @@ class Stage {
     const [x, y, z] = view.centre;
     const r = view.radius;
     const group = new T.Group();
-    group.add(new T.HemisphereLight(0xffffff, 0xb9bec6, 0.62));
+    group.add(new T.HemisphereLight(0xffffff, 0xb9bec6, 0.62 * FULL));
     // The lamps stand as for a camera at the front left (1, 0.62), turned with it: a front is never in the shade.
     const turn = Math.atan2(view.direction[1], view.direction[0]) - Math.atan2(0.62, 1);
     const [c, s] = [Math.cos(turn), Math.sin(turn)];
@@ -209,15 +208,15 @@ class Stage {
       lamp.position.set(x + r * (c * dx - s * dy), y + r * (s * dx + c * dy), z + r * dz);
       lamp.target.position.set(x, y, z);
     };
-    const sun = new T.DirectionalLight(0xffffff, 0.5);
+    const sun = new T.DirectionalLight(0xffffff, 0.5 * FULL);
     place(sun, 1.2, 0.9, 2.6);
     sun.castShadow = true;
     Object.assign(sun.shadow.camera, { left: -1.6 * r, right: 1.6 * r, top: 1.6 * r, bottom: -1.6 * r, near: 0.05 * r, far: 8 * r });
     sun.shadow.mapSize.set(2048, 2048);
     sun.shadow.bias = -0.0005;
     sun.shadow.normalBias = 0.004 * r;
-    sun.shadow.radius = 4;
-    const fill = new T.DirectionalLight(0xffffff, 0.18);
+    sun.shadow.radius = 1.5;
+    const fill = new T.DirectionalLight(0xffffff, 0.18 * FULL);
     place(fill, 1, -2, 0.6);
     group.add(sun, sun.target, fill, fill.target);
     if (view.cell > 0) {

@@ -120,9 +120,6 @@ class Toolbar {
     make("code", "", this.help, `#${player ? "t=0.9&" : ""}view=front&on=labels,axes&off=cones`);
     make("p", "", this.help, "This page as it is now:");
     make("code", "now", this.help, `#${this.stage.views.link()}`);
-    const own = make("button", "own", this.help, "Meshcat's own controls");
-    own.type = "button";
-    own.onclick = () => document.body.classList.toggle("meshcat-controls");
   }
 
   key(event) {

@@ -106,7 +106,7 @@ class Video {
       shade.visible = seen(body);
       shade.matrixWorld.multiplyMatrices(this.flat, body.matrixWorld);
     }
-    viewer.scene.autoUpdate = false;
+    viewer.scene.matrixWorldAutoUpdate = false;
     renderer.setRenderTarget(this.target);
     renderer.render(viewer.scene, viewer.camera);
     renderer.setRenderTarget(null);
@@ -144,10 +144,10 @@ function lightOf(T, lamps) {
   const found = { sky: new T.Color(0), ground: new T.Color(0), up: new T.Vector3(0, 1, 0), directions: [], colors: [] };
   lamps.updateMatrixWorld(true);
   lamps.traverse((each) => {
-    const color = each.isLight && each.color.clone().multiplyScalar(each.intensity);
+    const color = each.isLight && each.color.clone().multiplyScalar(each.intensity / FULL);
     const place = new T.Vector3().setFromMatrixPosition(each.matrixWorld);
     if (each.isHemisphereLight) {
-      Object.assign(found, { sky: color, ground: each.groundColor.clone().multiplyScalar(each.intensity), up: place.normalize() });
+      Object.assign(found, { sky: color, ground: each.groundColor.clone().multiplyScalar(each.intensity / FULL), up: place.normalize() });
     } else if (each.isDirectionalLight) {
       found.directions.push(place.sub(new T.Vector3().setFromMatrixPosition(each.target.matrixWorld)).normalize());
       found.colors.push(color);
