@@ -65,7 +65,7 @@ dist: $(MARKER)
 
 # No lock file, which would name package hosts: versions are exact in package.json, and three.js depends on nothing.
 viewer:
-	cd rbd/visual/pages/viewer && npm install --silent --no-package-lock --no-audit --no-fund --ignore-scripts && npm run --silent build; rm -rf node_modules
+	cd rbd/visual/pages/viewer && npm install --silent --no-package-lock --no-audit --no-fund --ignore-scripts && npm run --silent build && rm -rf node_modules
 
 lint: $(MARKER)
 	$(BIN)/ruff check .
