@@ -101,14 +101,15 @@ def _contacts(
 ) -> tuple[_Columns, _Columns, dict[str, Disks], list[Track]]:
     """(points, the engine's forces, disks) of each pair of bodies that touch, that of most load first; the law's forces."""
     record, points, forces, disks, by_law = report.record, _Columns(), _Columns(), dict[str, Disks](), list[Track]()
-    places, codes = _Places.of(record, pairs), _codes(report)
+    places, codes, shares = _Places.of(record, pairs), _codes(report), report.laws.share
     loads = np.bincount(pairs.of, np.linalg.norm(record.forces, axis=1), len(pairs.names))
     for p in largest_first(loads).tolist():
         name = pairs.names[p]
         points[name] = places.spread(p, record.points, np.nan)[every]
         forces[name] = places.spread(p, pairs.signs[:, None] * record.forces, 0.0)[every]
         modes = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
-        disks[name] = Disks(POINT_COLORS, modes, places.spread(p, record.normals, 0.0)[every], np.full(modes.shape, np.nan))
+        used = np.where(modes > 0, np.minimum(places.spread(p, shares[:, None], np.nan)[every, :, 0], 1.0), np.nan)
+        disks[name] = Disks(POINT_COLORS, modes, places.spread(p, record.normals, 0.0)[every], used)
         if len(law.frames):
             f = np.where(np.isnan(points[name]), 0.0, law.between(places.spread(p, law.forces, 0.0), 0.0)[every])
             by_law.append(Track(f"{name}, by the law", points[name], f, LAW_COLOR, aside=True))
