@@ -221,7 +221,8 @@ def test_the_browser_shows_disks_and_goes_to_worst_frames(report: AuditReport, p
     with Browser() as browser, browser.open(page, width=800, height=600) as shown:
         seen = shown.evaluate(ask)
     colors = list(POINT_COLORS.values())
-    assert seen["crept"] == [pytest.approx(report.record.t[report.worst("creeps", 1)[0]]), colors[CREEPS], pytest.approx(0.5, abs=1 / 255)]
+    crept = report.record.t[report.worst("creeps", 1)[0]]
+    assert seen["crept"] == [pytest.approx(crept), colors[CREEPS], pytest.approx(0.5, abs=1 / 255)]
     assert (seen["slid"], seen["flat"]) == (colors[SLIPS], 0.0)
     assert seen["aside"] > 0.0
     assert seen["from"] == pytest.approx([0.0, 0.0, 0.1], abs=SINGLE)

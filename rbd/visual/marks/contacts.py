@@ -17,7 +17,7 @@ from rbd.problem.cones import Cone, FrictionCone, friction_used
 from rbd.problem.ground import Ground
 from rbd.visual.marks import primitives
 from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
-from rbd.visual.marks.shown_force import NOWHERE, ShownForce, force_marks
+from rbd.visual.marks.shown_force import NOWHERE, PointMode, ShownForce, force_marks
 from rbd.visual.style import COM_COLOR, MODE_COLORS, SUPPORT_COLOR
 
 if TYPE_CHECKING:
@@ -90,10 +90,10 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
     return out
 
 
-def _points(rows: Rows, patch: Patch, forces: Array, modes: Mapping[str, Sequence[str]]) -> tuple[tuple[str, float | None], ...]:
+def _points(rows: Rows, patch: Patch, forces: Array, modes: Mapping[str, Sequence[str]]) -> tuple[PointMode, ...]:
     """(mode, share of friction used) of each corner with a force; at rest where its mode is not known."""
     at_rest = "holds" if patch.friction is None else "sticks" if patch.friction else "pushes"
-    words, found = modes.get(rows.name, (at_rest,) * len(forces)), list[tuple[str, float | None]]()
+    words, found = modes.get(rows.name, (at_rest,) * len(forces)), list[PointMode]()
     for word, force in zip(words, forces @ patch.axes, strict=True):
         known = patch.friction and force[2] > 0.0 and patch.turned is None
         used = friction_used(patch.friction, force) if known and patch.friction else None
