@@ -24,6 +24,7 @@ from rbd.motion.report import MotionReport
 from rbd.planning import Plan
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import Drawn, footprints_of, legend_of
+from rbd.visual.marks.surfaces import surface_entries
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.audit_motion import shown_audit, shown_comparison
@@ -304,13 +305,13 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         "trace": bool(given.trace),
         "playing": bool(given.playing),
         "charts": described(times, charts) if charts else None,
-        "named": legend_of([*given_regions, *planned[-1:]]),
+        "named": legend_of([*given_regions, *planned[-1:]]) + [(n, c) for n, c, _ in surface_entries(page.surfaces)],
         "card": None if shown.card is None else asdict(shown.card),
         "spans": [{"path": path, "from": a, "to": b} for path, (a, b) in zip(paths, spans, strict=True)],
     }
     if sheet is not None:
         settings["sheet"] = sheet
-    scene.stand_on(*page.terrains)
+    scene.stand_on(*page.terrains, *page.surfaces)
     scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
     if drawn or planned:
         scene.draw(*drawn, *planned)

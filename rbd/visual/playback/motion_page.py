@@ -19,6 +19,7 @@ from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.other_constraints import DRIVE_COLOR, drive_mesh
 from rbd.visual.marks.picture import scale_note
 from rbd.visual.marks.shown_force import NOWHERE
+from rbd.visual.marks.surfaces import ShownSurface
 from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
 from rbd.visual.playback.curves import packed
 from rbd.visual.playback.mode_disks import Disks
@@ -257,6 +258,12 @@ class MotionPage:
         places = self.frames.poses[:, :, :3].reshape(-1, 3)
         own = tuple(ShownTerrain.about(part, places, self.shift) for t in self.shown.terrains for part in t.apart())
         return own if self.second is None else own + self.second.terrains
+
+    @property
+    def surfaces(self) -> tuple[ShownSurface, ...]:
+        """The planes that contacts are on, where they are drawn."""
+        own = tuple(surface.moved(self.shift) for surface in self.shown.surfaces)
+        return own if self.second is None else own + self.second.surfaces
 
     def _floors(self) -> str:
         """Height of the terrain under the centre of mass at each frame, packed; empty where there is none."""
