@@ -370,8 +370,45 @@ def test_dragging_enlarges_and_the_pointer_reads(opened: BrowserPage, run: rbd.T
     shown.evaluate("stage.player.curves.whole.click()")
     assert shown.evaluate("stage.player.curves.charts[1].plot.scales.x.max") == pytest.approx(run.t[-1])
     assert shown.evaluate("stage.player.curves.whole.hidden") is True
-    shown.mouse("mouseMoved", 500, 300)
-    assert shown.evaluate("stage.player.curves.pointed") is None
+
+
+def test_fingers_enlarge_curves(opened: BrowserPage, run: rbd.Trajectory) -> None:
+    """One that drags across as the mouse does; two keep the times under them, in all charts; a tap goes to its time."""
+    shown, end = at_size(opened, 1200, 800), run.t[-1]
+    plot = "stage.player.curves.charts[{}].plot"
+
+    def shows(first: float, last: float, chart: int = 0) -> None:
+        """The chart shows these shares of the whole time, to a pixel and a half; fingers are told of at the next frame."""
+        off = f"Math.abs({{}}.scales.x.min - {first * end}) + Math.abs({{}}.scales.x.max - {last * end})"
+        shown.wait(f"{off.replace('{}', plot.format(chart))} < {1.5 * end / 250.0}", seconds=20.0)
+
+    def fingers(kind: str, chart: int, *shares: float) -> None:
+        shown.touch(kind, *[place(shown, chart, share) for share in shares])
+
+    shows(0.0, 1.0)
+    fingers("touchStart", 0, 0.2)
+    for share in (0.3, 0.6):
+        fingers("touchMove", 0, share)
+    over, marked = plot.format(0) + ".over.clientWidth", plot.format(0) + ".select.width"
+    shown.wait(f"Math.abs({marked} / {over} - 0.4) < 0.01")
+    shows(0.0, 1.0)
+    shown.touch("touchEnd")
+    for chart in range(4):
+        shows(0.2, 0.6, chart)
+    assert shown.evaluate(marked) == 0.0
+    # Two fingers 0.4 of the width apart go to 0.8 of it: half of the time is left, about what is between them.
+    fingers("touchStart", 1, 0.3, 0.7)
+    fingers("touchMove", 1, 0.1, 0.9)
+    shows(0.3, 0.5, 2)
+    fingers("touchMove", 1, 0.2, 1.0)  # shifted together
+    shows(0.28, 0.48, 2)
+    fingers("touchMove", 1, 0.45, 0.55)  # closed
+    shows(0.0, 1.0, 2)
+    shown.touch("touchEnd")
+    fingers("touchStart", 0, 0.5)
+    shown.touch("touchEnd")
+    shown.wait(f"Math.abs(stage.player.t - {0.5 * end}) < {end / 250.0}")
+    shows(0.0, 1.0)
 
 
 def test_the_panel_folds_and_charts_are_chosen(opened: BrowserPage) -> None:

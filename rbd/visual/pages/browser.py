@@ -417,6 +417,11 @@ class BrowserPage(Closing):
         self.mouse("mousePressed", x, y, button="left")
         self.mouse("mouseReleased", x, y, button="left")
 
+    def touch(self, kind: str, *fingers: tuple[float, float]) -> None:
+        """Send a touch event: touchStart, touchMove or touchEnd, with the fingers then down, in pixels from the top left."""
+        points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(fingers)]
+        self._call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
     def key(self, key: str) -> None:
         """Press and release a key, as "t" or "ArrowLeft"."""
         for kind in ("keyDown", "keyUp"):

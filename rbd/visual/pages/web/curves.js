@@ -1,8 +1,11 @@
 // Curves of a motion: charts over time, drawn by uPlot, with the present moment marked. A click goes to a time; dragging across
-// shows what is between, in all charts, and a double click everything. Beside the robot, in narrow windows below it. The panel
+// shows what is between, in all charts, and a double click everything; two fingers stretch and shift the time. Beside the robot, in narrow windows below it. The panel
 // folds, and a row of buttons chooses charts.
 const NARROW_WINDOW = 900, LOW = 480, CHART_HEIGHT = 114;  // pixels
-const POINTING = "Click: to that time. Drag across: enlarge.";
+const FINGERS = window.matchMedia("(pointer: coarse)").matches;
+const POINTING = FINGERS ? "Tap: to that time. Drag across, or two fingers: enlarge." : "Click: to that time. Drag across: enlarge.";
+const DRAGGED = 8, APART = 24;  // pixels: a finger that moved less taps; two that are nearer do not stretch
+const LEAST_SHARE = 1e-4;  // of the whole time, that fingers enlarge
 const AXIS_FONT = '10px system-ui, "DejaVu Sans", sans-serif';
 
 class Curves {
@@ -111,6 +114,7 @@ class Curves {
     root.setAttribute("role", "img");
     root.setAttribute("aria-label", title);
     over.addEventListener("click", ({ clientX }) => go(made.plot.posToVal(clientX - over.getBoundingClientRect().left, "x")));
+    new Fingers(made.plot, this);
     made.now = make("div", "now", over);
     new ResizeObserver(() => {
       if (home.clientWidth) made.plot.setSize({ width: home.clientWidth, height: CHART_HEIGHT });
@@ -195,6 +199,68 @@ class Curves {
     document.getElementById("legend").style.maxHeight = below ? `${Math.max(40, window.innerHeight - footer - high - 90)}px` : "";
     if (this.folded && !below) return { beside: 0, below: 0 };
     return below ? { beside: 0, below: high + 8 } : { beside: this.panel.offsetWidth + 14, below: 0 };
+  }
+}
+
+// Fingers on a chart: one that drags across marks what is enlarged, as the mouse does; the times under two stay under them.
+class Fingers {
+  constructor(plot, curves) {
+    Object.assign(this, { plot, curves, down: new Map(), stretched: false });
+    const on = (name, act) => plot.over.addEventListener(name, (event) => { if (event.pointerType === "touch") act(event); });
+    on("pointerdown", (event) => this.press(event));
+    on("pointermove", (event) => this.move(event));
+    on("pointerup", (event) => this.lift(event));
+    on("pointercancel", (event) => this.lift(event, true));
+  }
+
+  press(event) {
+    const x = this.at(event);
+    this.plot.over.setPointerCapture(event.pointerId);
+    for (const finger of this.down.values()) finger.t = this.plot.posToVal(finger.x, "x");
+    this.down.set(event.pointerId, { from: x, x, t: this.plot.posToVal(x, "x") });
+    if (this.down.size > 1) this.mark(0, 0);
+    this.stretched = this.down.size > 1;
+  }
+
+  move(event) {
+    const finger = this.down.get(event.pointerId);
+    if (!finger) return;
+    finger.x = this.at(event);
+    if (this.down.size === 2) this.stretch([...this.down.values()]);
+    else if (!this.stretched && Math.abs(finger.x - finger.from) > DRAGGED) {
+      this.mark(finger.from, finger.x);
+      this.curves.point(this.plot.posToVal(finger.x, "x"));
+    }
+  }
+
+  // The last finger ends it; of one that the browser takes to scroll nothing is enlarged.
+  lift(event, cancelled = false) {
+    const finger = this.down.get(event.pointerId);
+    this.down.delete(event.pointerId);
+    if (!finger || this.down.size) return;
+    this.curves.point(null);
+    this.mark(0, 0);
+    const [a, b] = [finger.from, finger.x].sort((one, other) => one - other);
+    if (!cancelled && !this.stretched && b - a > DRAGGED) this.curves.zoom(this.plot.posToVal(a, "x"), this.plot.posToVal(b, "x"));
+    this.stretched = false;
+  }
+
+  stretch([one, other]) {
+    if (Math.abs(one.x - other.x) < APART || one.t === other.t) return;
+    const { first, last } = this.curves, seconds = (other.t - one.t) / (other.x - one.x);  // per pixel
+    if (!(seconds > 0)) return;
+    const length = Math.min(last - first, Math.max(LEAST_SHARE * (last - first), seconds * this.plot.over.clientWidth));
+    const from = Math.min(last - length, Math.max(first, one.t - seconds * one.x));
+    this.curves.zoom(from, from + length);
+  }
+
+  at({ clientX }) {
+    return clientX - this.plot.over.getBoundingClientRect().left;
+  }
+
+  mark(from, to) {
+    const left = Math.max(0, Math.min(from, to)), right = Math.min(this.plot.over.clientWidth, Math.max(from, to));
+    this.plot.setSelect({ left, top: 0, width: right - left, height: right > left ? this.plot.over.clientHeight : 0 }, false);
   }
 }
 
