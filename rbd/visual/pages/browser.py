@@ -408,6 +408,10 @@ class BrowserPage(Closing):
         """Change the size of the window, in pixels."""
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
+    def prefer(self, scheme: str) -> None:
+        """Tell the page that its reader's system is "dark" or "light"."""
+        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
     def mouse(self, kind: str, x: float, y: float, *, button: str = "none") -> None:
         """Send a mouse event: mouseMoved, mousePressed or mouseReleased, in pixels from the top left."""
         self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=int(button != "none"))

@@ -74,7 +74,7 @@ $start
     policy="$policy",
 )
 SCRIPTS = (
-    *("stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
+    *("theme.js", "stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
     *("views.js", "gauges.js", "toolbar.js"),
     *("support.js", "force_elements.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
     *("live.js", "controls.js", "backdrop.js", "verify.js"),

@@ -71,7 +71,8 @@ class Curves {
     });
     const shown = lines.map(({ name: what, color, values, width, motion }) => {
       const key = make("span", "", keys[motion]);
-      key.style.color = color;
+      theme.paint(key, "--given", color);
+      key.style.setProperty("--width", `${Math.max(1, Math.round(1.6 * width))}px`);
       return { name: what, color, width, numbers: floats(values), motion, key };
     }).sort((a, b) => a.motion - b.motion);
     for (const { name: what, value } of limits) make("span", "limit", keys[0], log ? `- - ${what}` : `- - ${what} ${inWords(value, log, top - low)}`);
@@ -79,8 +80,8 @@ class Curves {
     // A log axis has no zero: what is smaller than its foot is drawn there. What is no number is a gap.
     const drawn = (value) => (Number.isFinite(value) ? (log ? Math.max(value, low) : value) : null);
     const tables = this.times.map((times, i) => [Array.from(times), ...shown.filter(({ motion }) => motion === i).map(({ numbers }) => Array.from(numbers, drawn))]);
-    const straight = limits.map(({ value }) => ({ value, color: "#1f2933", dash: [4, 3] }));
-    if (low < 0 && top > 0) straight.push({ value: 0, color: "#9aa5b1", dash: [] });
+    const straight = limits.map(({ value }) => ({ value, color: "--ink", dash: [4, 3] }));
+    if (low < 0 && top > 0) straight.push({ value: 0, color: "--faint", dash: [] });
     made.plot = new uPlot({
       width: 300,
       height: CHART_HEIGHT,
@@ -99,7 +100,7 @@ class Curves {
       },
       axes: [axis("s", {}), axis("", log ? { splits: (_, i, from, to) => powers(from, to), filter: (_, splits) => splits } : { space: 22 })],
       series: [{}, ...shown.map(({ color, width, motion }) => (
-        { stroke: color, width, dash: motion ? [5, 2.5] : [], points: { show: false } }))],
+        { stroke: () => theme.shade(color), width, dash: motion ? [5, 2.5] : [], points: { show: false } }))],
       hooks: {
         drawAxes: [(plot) => straight.forEach((line) => rule(plot, line))],
         draw: [() => this.mark(made)],
@@ -180,6 +181,11 @@ class Curves {
     for (const { shown, log, span } of this.charts) {
       for (const { name, numbers, motion, key } of shown) key.textContent = `${name} ${inWords(valueAt(numbers, at[motion]), log, span)}`;
     }
+  }
+
+  // In the colours of the page.
+  redraw() {
+    for (const { plot } of this.charts) plot.redraw(false);
   }
 
   remove() {
@@ -268,10 +274,10 @@ class Fingers {
 function axis(unit, further) {
   return {
     font: AXIS_FONT,
-    stroke: "#5b6770",
+    stroke: () => named("--soft"),
     gap: 3,
-    ticks: { size: 3, stroke: "#cbd2d9", width: 1 },
-    grid: { stroke: "#e4e8ec", width: 1 },
+    ticks: { size: 3, stroke: () => named("--line"), width: 1 },
+    grid: { stroke: () => named("--grid"), width: 1 },
     values: (_, splits) => splits.map((value) => (unit ? `${onAxis(value)} ${unit}` : onAxis(value))),
     size: (plot, words, i, cycle) => {
       if (unit) return 18;
@@ -284,6 +290,11 @@ function axis(unit, further) {
     },
     ...further,
   };
+}
+
+// A colour of the page's style.
+function named(color) {
+  return getComputedStyle(document.documentElement).getPropertyValue(color).trim();
 }
 
 // A number at an axis, with its sign.
@@ -315,7 +326,7 @@ function rule({ ctx, bbox, scales, valToPos }, { value, color, dash }) {
   if (!(value >= scales.y.min && value <= scales.y.max)) return;
   const y = Math.round(valToPos(value, "y", true)) + 0.5;
   ctx.save();
-  ctx.strokeStyle = color;
+  ctx.strokeStyle = named(color);
   ctx.lineWidth = devicePixelRatio;
   ctx.setLineDash(dash.map((each) => each * devicePixelRatio));
   ctx.beginPath();

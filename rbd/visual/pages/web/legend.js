@@ -34,7 +34,7 @@ function writeCard(legend, { words, rows, lines }, go) {
   const table = make("table", "", card);
   for (const { name, color, count, size, t, words } of rows) {
     const line = table.insertRow();
-    make("i", "", line.insertCell()).style.background = color;
+    theme.paint(make("i", "", line.insertCell()), "background", color);
     const button = Object.assign(make("button", "", line.insertCell(), name), { type: "button", title: `${words}; largest at ${t.toPrecision(4)} s` });
     button.onclick = () => { go(t); button.blur(); };
     for (const text of [count, size]) make("span", "", Object.assign(line.insertCell(), { className: "value" }), text);
@@ -51,7 +51,7 @@ function writeLegend(stage, { title, entries, notes }) {
   const table = make("table", "");
   for (const entry of entries) {
     const rows = [table.insertRow()];
-    make("i", "", rows[0].insertCell()).style.background = entry.color;
+    theme.paint(make("i", "", rows[0].insertCell()), "background", entry.color);
     const name = rows[0].insertCell(), value = rows[0].insertCell();
     name.textContent = entry.name;
     value.className = "value";
