@@ -358,6 +358,7 @@ class BrowserPage(Closing):
             self.resize(width, height)
             for domain in ("Page", "Inspector", "Runtime"):
                 self._call(f"{domain}.enable")
+            self.prefer("light")  # pictures are the same whatever this machine prefers
             if before:
                 self._call("Page.addScriptToEvaluateOnNewDocument", source=before)
             moved = self._call("Page.navigate", url=address)

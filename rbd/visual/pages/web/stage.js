@@ -201,7 +201,7 @@ class Stage {
     const [x, y, z] = view.centre;
     const r = view.radius;
     const group = new T.Group();
-    group.add(new T.HemisphereLight(0xffffff, 0xb9bec6, theme.look.sky));
+    group.add(new T.HemisphereLight(0xffffff, 0xb9bec6, 0.62));
     // The lamps stand as for a camera at the front left (1, 0.62), turned with it: a front is never in the shade.
     const turn = Math.atan2(view.direction[1], view.direction[0]) - Math.atan2(0.62, 1);
     const [c, s] = [Math.cos(turn), Math.sin(turn)];
@@ -234,6 +234,11 @@ class Stage {
     this.viewer.set_object(["Stage"], group);
     this.gauges.origin();
     this.viewer.set_dirty();
+  }
+
+  background({ top, bottom }) {
+    this.viewer.set_property(["Background"], "top_color", top);
+    this.viewer.set_property(["Background"], "bottom_color", bottom);
   }
 
   // Lamps and ground anew, where they stand.

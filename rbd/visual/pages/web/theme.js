@@ -1,7 +1,7 @@
 // Light or dark: as the reader's system has it, until a button or the address says otherwise.
 const LOOKS = {
-  light: { top: [0.99, 0.99, 1.0], bottom: [0.86, 0.89, 0.92], grid: [0x9aa5b1, 0xcbd2d9], sky: 0.62, shadow: 0.22 },
-  dark: { top: [0.17, 0.2, 0.23], bottom: [0.25, 0.29, 0.33], grid: [0x7d8a96, 0x55616d], sky: 0.55, shadow: 0.45 },
+  light: { top: [0.99, 0.99, 1.0], bottom: [0.86, 0.89, 0.92], grid: [0x9aa5b1, 0xcbd2d9], shadow: 0.22 },
+  dark: { top: [0.17, 0.2, 0.23], bottom: [0.25, 0.29, 0.33], grid: [0x7d8a96, 0x55616d], shadow: 0.45 },
 };
 const LEAST_LIGHT = 0.25;  // relative luminance of a colour on dark ground: 4.5 times as bright as a panel, by WCAG's measure
 const BLACK = 0.03, WHITE = "#f2f5f7";  // what is darker than that on a light page is white on a dark one
@@ -73,8 +73,7 @@ class Theme {
       this.paint(each, property, color);
     }
     if (!stage) return;
-    stage.viewer.set_property(["Background"], "top_color", look.top);
-    stage.viewer.set_property(["Background"], "bottom_color", look.bottom);
+    stage.background(look);
     stage.viewer.scene.traverse(({ material }) => { if (material && material.userData && material.userData.given) this.recolor(material); });
     stage.relight();
     stage.toolbar.refresh();
