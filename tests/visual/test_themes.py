@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 import rbd
 from rbd.visual.pages.browser import Browser, BrowserPage
+from rbd.visual.pages.page import system_colors
 from rbd.visual.style import COM_COLOR, MODE_COLORS
 
 LEAST = 4.5
@@ -43,6 +45,14 @@ CONTRASTS = """(() => {
   return found;
 })()"""
 """{text on the page: its contrast to what is behind it}: panels over the upper or the lower end of the backdrop."""
+
+
+def test_pages_without_a_scene_have_the_same_colours() -> None:
+    """Tables of checks and sets of members: each colour in both looks, the dark one where the reader's system is dark."""
+    light, dark = system_colors().split("@media (prefers-color-scheme: dark) { :root {")
+    names = [re.findall(r"(--[a-z-]+):", text) for text in (light, dark)]
+    assert names[0] == names[1] and len(set(names[0])) == len(names[0]) > 10
+    assert dark.rstrip().endswith("} }") and dark.count("{") + 2 == dark.count("}")
 
 
 @pytest.fixture(scope="module")

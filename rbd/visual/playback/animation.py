@@ -192,9 +192,11 @@ def export_motion(
     (slerp). An arrow's length is the force times one scale for the whole motion, stated in the legend; what is longer than the
     robot is cut, and has two heads. The support polygon is the hull of the points that carry load. A disk at each point of a
     trajectory has the colour of its mode (open, sticks, slips, impact), filled by the share of friction used, where the
-    contact's normal is known. Above the bar each contact has a lane: filled while it touches, striped while it slips, with a
+    contact's normal is known: on planes that stay, on terrain, of soles. Slopes, walls and tables of these planes are drawn as
+    pieces around the contacts. Above the bar each contact has a lane: filled while it touches, striped while it slips, with a
     mark at each event. Beside the robot, in narrow windows below it, are charts over time with a line at the present; a click
-    on one goes to that time, dragging across enlarges what is between, in all charts, and the pointer reads values. Keys: space
+    on one goes to that time, dragging across (or two fingers) enlarges what is between, in all charts, and the pointer reads
+    values. The page is dark where the reader's system is; the key d turns that. Keys: space
     plays, left and right step (shift: ten frames), up and down change the speed, page up and page down go from event to event,
     f follows the robot, c folds the charts. `x.html#t=0.5` opens at 0.5 s.
 

@@ -314,7 +314,7 @@ class MotionPage:
                 "color": colors[t.name],
                 "points": t.points.shape[1],
                 "supports": carries_weight(t.points, t.forces),
-                "normals": _normals(t),
+                "normals": _normals(t, self.shown.source),
                 "stretches": self._stretches(t.name),
                 "disks": _disks(frames.disks.get(t.name)),
             }
@@ -377,8 +377,11 @@ def _pose(X: pin.SE3) -> list[float]:
     return [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]
 
 
-def _normals(track: Track) -> str:
+def _normals(track: Track, source: Any) -> str:
     """The normals of a contact, packed, shape (n, 3), or (1, 3) where they stay the same; empty where they are not known."""
+    plane = getattr(source, "planes", {}).get(track.name)
+    if plane is not None and not plane.level:
+        return packed(np.asarray(plane.normal, float)[None])
     found = normals_of(track.points, track.forces)
     if found is None or not np.isfinite(found).all():
         return ""
