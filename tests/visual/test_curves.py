@@ -265,6 +265,8 @@ def at_size(shown: BrowserPage, width: int, height: int) -> BrowserPage:
     shown.resize(width, height)
     shown.wait(f"window.innerWidth === {width}")
     shown.evaluate("stage.player.curves.chosen = stage.touched = false; stage.fit(); stage.toolbar.refresh()")
+    fits = "({ plot, node }) => node.hidden || !node.clientWidth || plot.width === plot.root.parentElement.clientWidth"
+    shown.wait(f"stage.player.curves.charts.every({fits})", seconds=20.0)  # charts follow their boxes a frame later
     return shown
 
 

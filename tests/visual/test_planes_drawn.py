@@ -12,6 +12,7 @@ import rbd
 from rbd.visual.marks.surfaces import ShownSurface
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.playback.audit_motion import shown_audit
+from rbd.visual.playback.mode_disks import contact_normals
 from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.playback.shown_motion import ShownMotion
 
@@ -102,6 +103,22 @@ def test_an_audit_draws_planes_of_the_world(still: rbd.Trajectory) -> None:
     own = ShownMotion.of_trajectory(still).disks
     expected = sorted(float(own[f"foot {i}"].used[5, 0]) for i in range(4))
     assert sorted(disks.used[5][np.isfinite(disks.used[5])].tolist()) == pytest.approx(expected, abs=1e-6)
+
+
+def test_points_of_terrain_have_the_normal_of_the_face_that_pushes() -> None:
+    """At an edge the force tells tread from riser; a lift is where it is at the time; far from all none is known."""
+    step = rbd.Terrain.boxes([(0.0, -1.0, -1.0), (1.0, 1.0, 0.2)])
+    lift = step.with_motion("box 0", motion=lambda t: (0.0, 0.0, 0.3 * t))
+    t = np.array([0.0, 1.0])
+    edge, up, back = [[0.0, 0.0, 0.2]], [[0.1, 0.0, 1.0]], [[-1.0, 0.0, 0.1]]
+    found = contact_normals(np.array([edge, edge]), np.array([up, back]), t, None, [step])
+    assert found is not None
+    assert np.array_equal(found[:, 0], [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+    on_it = np.array([[[0.5, 0.0, 0.2]], [[0.5, 0.0, 0.5]]])
+    lifted = contact_normals(on_it, np.array([up, up]), t, None, [lift])
+    assert lifted is not None
+    assert np.array_equal(lifted[:, 0], [[0.0, 0.0, 1.0]] * 2)
+    assert contact_normals(on_it, np.array([up, up]), t, None, [step]) is None
 
 
 def test_a_surface_moves_with_a_second_motion() -> None:

@@ -397,7 +397,7 @@ class Cues {
     for (const [name, color] of motion.named || []) row(name, color);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
-      if (note) make("p", howToTurn(note), legend, note);
+      if (note) makeNote(legend, note);
     }
     this.happened = make("p", "happened", legend);
     this.happened.hidden = !(motion.events && motion.events.length);

@@ -2,7 +2,6 @@
 // shows what is between, in all charts, and a double click everything; two fingers stretch and shift the time. Beside the robot, in narrow windows below it. The panel
 // folds, and a row of buttons chooses charts.
 const NARROW_WINDOW = 900, LOW = 480, CHART_HEIGHT = 114;  // pixels
-const FINGERS = window.matchMedia("(pointer: coarse)").matches;
 const POINTING = FINGERS ? "Tap: to that time. Drag across, or two fingers: enlarge." : "Click: to that time. Drag across: enlarge.";
 const DRAGGED = 8, APART = 24;  // pixels: a finger that moved less taps; two that are nearer do not stretch
 const LEAST_SHARE = 1e-4;  // of the whole time, that fingers enlarge

@@ -1,4 +1,5 @@
 // The legend: a title that folds the rest, a row for each name, notes below.
+const FINGERS = window.matchMedia("(pointer: coarse)").matches;
 const FOLDS_BELOW = [500, 360];  // pixels across and down: the legend of a smaller window starts folded
 
 // A title with a button that folds what is below it; kept when the legend is written anew.
@@ -71,7 +72,13 @@ function writeLegend(stage, { title, entries, notes }) {
     }
   }
   legend.append(table);
-  for (const line of notes) make("p", howToTurn(line), legend, line);
+  for (const line of notes) makeNote(legend, line);
+}
+
+// A note below a legend; on a screen that is touched it says how fingers turn the scene.
+function makeNote(legend, text) {
+  const turns = howToTurn(text);
+  make("p", turns, legend, turns && FINGERS ? "One finger turns, two zoom and shift." : text);
 }
 
 // The class of a note that says how to turn the scene: pictures and videos leave it out.
