@@ -392,10 +392,16 @@ class Cues {
       });
       if (motion.contacts.some((c) => c.disks && c.disks.used)) make("div", "", cell, "filled: share of the friction used");
     }
-    if (motion.com) row("centre of mass", motion.com);
-    for (const name of motion.terrains || []) row(name, motion.terrainColor);
-    for (const [name, color] of motion.named || []) row(name, color);
-    if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
+    // What has no numbers takes the whole width.
+    const wide = (name, color) => {
+      const { line } = row(name, color), columns = line.cells.length;
+      while (line.cells.length > 2) line.deleteCell(2);
+      line.cells[1].colSpan = columns - 1;
+    };
+    if (motion.com) wide("centre of mass", motion.com);
+    for (const name of motion.terrains || []) wide(name, motion.terrainColor);
+    for (const [name, color] of motion.named || []) wide(name, color);
+    if (motion.ghost) wide(motion.ghost.name, motion.ghost.color);
     for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
       if (note) makeNote(legend, note);
     }
