@@ -41,7 +41,7 @@ class Backdrop {
     const size = renderer.getDrawingBufferSize(new MeshCat.THREE.Vector2());
     const { on } = this.stage.layers;
     const seen = [...camera.matrixWorld.elements, ...camera.projectionMatrix.elements].map((x) => x.toPrecision(9));
-    return [this.changes, size.x, size.y, ...seen, JSON.stringify(on), Boolean(this.stage.tinted)].join(" ");
+    return [this.changes, size.x, size.y, ...seen, JSON.stringify(on), Boolean(this.stage.tinted), theme.name].join(" ");
   }
 
   // Between the messages of one change nothing is drawn; if their end does not come, half a second later.
