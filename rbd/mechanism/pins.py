@@ -27,7 +27,7 @@ _WHAT_ACTS = "Pin forces are known where loops, pushes, and motors, springs and 
 def pin_forces(solution: Solution | Actuation) -> dict[str, Array]:
     """{joint: force [N] and moment [N m] of the body before it on the body that it moves, at its origin, in W, shape (6,)}.
 
-    Behind the joints come the pins that close loops, by the loop's name: force and moment of the body of frame_a on that of
+    After the joints come the pins that close loops, by the loop's name: force and moment of the body of frame_a on that of
     frame_b, at frame_b's origin; where frame_b is on the ground, of the ground on the body of frame_a. The other body gets the
     opposite at the same point. Rods and ropes are links, and left out: their forces are in `solution.forces`.
 
@@ -39,8 +39,8 @@ def pin_forces(solution: Solution | Actuation) -> dict[str, Array]:
         solution: What `rbd.solve` or `rbd.hold` returned for a mechanism.
 
     Raises:
-        InputError: a loop has the name of a joint; it was not assembled from a state, or contacts, force elements between bodies, generalised forces or other
-            constraints act, whose forces on single bodies are not known here.
+        InputError: it was not assembled from a state; a loop has the name of a joint; or contacts, force elements between
+            bodies, generalised forces or other constraints act, whose forces on single bodies are not known here.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
