@@ -1,19 +1,20 @@
 """How do I load my own robot, if all I have is its URDF?
 
-The walker of `urdf/walker.urdf` has no SRDF, no named posture and no named feet. Three things are needed: a
-configuration in which it stands, its soles, and the report of the model check (the doctor).
+The walker of `urdf/walker.urdf` has no SRDF, no named posture and no named feet. Three things are needed: the names of
+its feet, angles with which it stands, and the report of the model check (the doctor).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 import rbd
-from rbd.robots.catalogue import find
 
-URDF = find("walker").urdf  # the path of a URDF: put yours here
+URDF = Path(__file__).parents[1] / "urdf" / "walker.urdf"  # put the path of yours here
+FEET = ["left_foot", "right_foot"]  # names of links
 BEND = 0.5  # knees [rad]; hips and ankles take half of it each, so that torso and soles stay level
 
 
@@ -29,32 +30,27 @@ class Result:
 
 
 def bent_knees(robot: rbd.Robot) -> rbd.State:
-    """Knees bent, soles on the ground: angles by joint name, then the base moved up by what the soles are below z = 0."""
-    q = robot.neutral()
-    for joint, angle in (("hip_pitch", -BEND / 2), ("knee", BEND), ("ankle_pitch", -BEND / 2)):
-        for side in ("left", "right"):
-            index = robot.model.joints[robot.joint_id(f"{side}_{joint}")].idx_q
-            q[index] = angle
-    soles = robot.soles_from_collision(["left_foot", "right_foot"], at=rbd.State(robot, q))
-    q[2] -= min(sole.rows(rbd.State(robot, q)).patch.point[2] for sole in soles)
-    return rbd.State(robot, q)
+    """Knees bent, feet on the ground: angles by joint name, then the base placed."""
+    bends = {"hip_pitch": -BEND / 2, "knee": BEND, "ankle_pitch": -BEND / 2}
+    angles = {f"{side}_{joint}": angle for side in ("left", "right") for joint, angle in bends.items()}
+    return rbd.robots.place_on_ground(robot.at().with_joints(angles), robot.feet())
 
 
 def main(show: bool = True) -> Result:
     """Load, examine, stand, hold, push."""
-    robot = rbd.load_robot(URDF)
+    robot = rbd.load_robot(URDF, feet=FEET)
     report = rbd.doctor(robot)
     print(report)
+    print(robot.joints["left_knee"])
 
     state = bent_knees(robot)
-    soles = robot.soles_from_collision(["left_foot", "right_foot"], friction=0.6, at=state)
+    soles = robot.soles(friction=0.6)  # robot.feet(), if some are points
     for sole in soles:
         print(f"{sole.name}: corners {np.round(sole.corners[:, :2], 3).tolist()} m")
 
     held = rbd.hold(state, soles)
-    used = np.abs(held.tau) / robot.effort_limit
-    worst = robot.actuated_names[int(used.argmax())].split("_", 1)[1]  # left and right carry the same
-    print(f"held: largest torque {100 * used.max():.1f} % of its limit, by each {worst}")
+    worst = held.worst_motor.split("_", 1)[1]  # left and right carry the same
+    print(f"held: largest torque {100 * held.torque_use.max():.1f} % of its limit, by each {worst}")
 
     push = rbd.ExternalForce("torso", force=(15.0, 0.0, 0.0), offset=(0.0, 0.0, 0.3))
     solution = rbd.solve(state, held.tau, soles, external=push)

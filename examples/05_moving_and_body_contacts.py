@@ -79,10 +79,9 @@ def main(show: bool = True) -> Result:
 
 def arms_forward(talos: rbd.Robot) -> rbd.State:
     """Standing with its forearms level, pointing ahead."""
-    q = talos.standing().q.copy()
-    for side, joint, angle in ((s, j, a) for s in ("left", "right") for j, a in ((1, 0.0), (4, -np.pi / 2), (7, 0.0))):
-        q[talos.model.joints[talos.joint_id(f"arm_{side}_{joint}_joint")].idx_q] = angle
-    return talos.at(q)
+    bends = {1: 0.0, 4: -np.pi / 2, 7: 0.0}
+    angles = {f"arm_{side}_{joint}_joint": angle for side in ("left", "right") for joint, angle in bends.items()}
+    return talos.standing().with_joints(angles)
 
 
 def fists(state: rbd.State) -> list[rbd.PointContact]:

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd import installation, kernels
+from rbd.cli import robot_reports
 from rbd.cli.app import app
 
 PACKAGE = Path(rbd.__file__).parent
@@ -45,6 +47,25 @@ def test_a_first_answer_loads_neither_numba_nor_what_draws_nor_most_of_scipy(rob
     code = f"import sys, rbd; r = rbd.load_robot({robot!r}); rbd.solve(r.standing(), [0.0] * r.nu, r.{feet}(friction=0.7))"
     out, told = python(f"{code}; print(*[m for m in {NOT_LOADED} if m in sys.modules])")
     assert (out.split(), told) == ([], "")
+
+
+def test_the_list_of_robots_is_answered_in_python(monkeypatch):
+    """Beside a thread, as one that draws a bar, all would be compiled; and twenty stances are a few calls more than others."""
+    seen = []
+
+    def lines(names):
+        seen.append((threading.active_count(), kernels._Process.few / len(names)))
+        yield robot_reports.RobotLine("one", 7, 1.0, (), "2 soles", "yes")
+
+    monkeypatch.setattr(robot_reports, "robot_lines", lines)
+    monkeypatch.setattr(kernels._Process, "few", 1)
+    threads = threading.active_count()
+    assert CliRunner().invoke(app, ["robots"]).exit_code == 0
+    ((beside, calls),) = seen
+    assert beside == threads and calls > 130
+    monkeypatch.setattr(kernels._Process, "few", 0)  # as with RBD_COMPILED=1
+    kernels.few_more(100)
+    assert kernels._Process.few == 0
 
 
 ANSWERS = """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -23,6 +25,8 @@ def test_indices_are_those_of_each_joint(robot: rbd.Robot) -> None:
         assert table.v_of([joint.name]).tolist() == list(range(joint.v.start, joint.v.stop))
         assert all(table.at_q(i) is joint for i in table.q_of(joint.name))
         assert all(table.at_v(i) is joint for i in table.v_of(joint.name))
+        printed = re.search(r"q\[(\d+):(\d+)\].*?, v\[(\d+):(\d+)\]", repr(joint))  # slices, as `joint.q` is, also of one entry
+        assert printed and [int(x) for x in printed.groups()] == [joint.q.start, joint.q.stop, joint.v.start, joint.v.stop]
     assert table.q_of(list(table)).tolist() == list(range(robot.nq))
     assert table.v_of("*").tolist() == list(range(robot.nv))
     assert table.tau_of("*").tolist() == list(range(robot.nu))

@@ -162,7 +162,7 @@ class TestTheJointTable:
         assert str(bar.joints).splitlines()[0] == "3 joints of slider_crank" and len(str(bar.joints).splitlines()) == 4
         assert "slider_joint  prismatic along x " in repr(bar.joints)
         panda = rbd.load_robot("panda", root="fixed").joints["panda_joint4"]
-        assert repr(panda) == "Joint('panda_joint4', revolute about z, q[3], v[3], rad, -3.072 to -0.0698, at most 87 N m)"
+        assert repr(panda) == "Joint('panda_joint4', revolute about z, q[3:4], v[3:4], rad, -3.072 to -0.0698, at most 87 N m)"
 
     def test_a_slide_inside_a_joint_made_of_joints_is_a_length(self) -> None:
         """A composite of a slide and a ball: metres, then radians."""

@@ -397,9 +397,9 @@ class TestRefused:
             example = importlib.import_module("03_your_own_robot")
         finally:
             sys.path.remove(str(folder / "examples"))
-        walker = rbd.load_robot(folder / "urdf" / "walker.urdf")
+        walker = rbd.load_robot(example.URDF, feet=example.FEET)
         state = example.bent_knees(walker)
-        soles = walker.soles_from_collision(["left_foot", "right_foot"], friction=None, at=state, on=None)
+        soles = walker.soles(friction=None, on=None)
         push = rbd.ExternalForce("torso", (5.0, 3.0, 0.0), (0.0, 0.0, 2.0))
         tau = np.zeros(walker.nu)
         found = rbd.solve(state, tau, soles, external=push, solver=rbd.KKT())

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.progress import track
 
 from rbd.cli.audit_command import audit
 from rbd.cli.check_command import check
@@ -93,13 +92,19 @@ for _each in (stand, region, check, walk, audit, verify):
 def robots() -> None:
     """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands as it is loaded."""
     from rbd.cli.robot_reports import robot_lines, robots_table
+    from rbd.kernels import few_more
     from rbd.robots import catalogue
+    from rbd.simulation.progress_bar import progress_of
 
     console = open_console()
     with answering(robots):
         names = catalogue.robots()
-        shown = track(robot_lines(names), "loading", len(names), console=open_console(errors=True), transient=True)
-        lines = list(shown)
+        few_more(200 * len(names))  # a stance takes 130
+        with progress_of(range(len(names) + 1), doing="loading") as loaded:  # no thread: beside one, kernels are compiled
+            lines = []
+            for line in robot_lines(names):
+                lines.append(line)
+                loaded(len(lines))
         stand_ = sum(line.stands == "yes" for line in lines)
         console.print(f"{len(lines)} robots; {stand_} of them stand on their feet as they are loaded.", highlight=False)
         console.print(robots_table(lines))

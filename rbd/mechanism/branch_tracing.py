@@ -456,7 +456,10 @@ class Trace(Displayed):
         return np.array([state.frame(frame, offset).X_WF.translation for state in self.states])
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None, **options: Any) -> list[Artist]:
-        """Angles, rates, transmission angle and coupler curve over the driven joint; see `rbd.visual.plot_trace`."""
+        """Angles, rates, transmission angle and coupler curve over the driven joint; see `rbd.visual.plot_trace`.
+
+        A new figure is none of pyplot's: `artists[0].figure.savefig("turn.png")` writes it.
+        """
         return drawing("plot_trace")(axes, self, **options)
 
     def __str__(self) -> str:

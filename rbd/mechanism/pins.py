@@ -1,4 +1,4 @@
-"""Forces in the pins of a mechanism: what the body before a joint exerts on the body that the joint moves.
+"""Forces in the pins of a mechanism: of the body before a joint on the body that it moves, and in the pins that close loops.
 
 Newton and Euler's equations of all bodies beyond a joint, at the accelerations of an answer, with the forces of loops and
 pushes on them, leave one unknown: the wrench across the joint. Its part along the joint's own motion is the motor's.
@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.constraint import closes_loop, frames_of
+from rbd.constraints.constraint import closes_loop, frames_of, member
 from rbd.errors import InputError
 from rbd.model.external import acting
 from rbd.model.state import State
@@ -27,21 +27,27 @@ _WHAT_ACTS = "Pin forces are known where loops, pushes, and motors, springs and 
 def pin_forces(solution: Solution | Actuation) -> dict[str, Array]:
     """{joint: force [N] and moment [N m] of the body before it on the body that it moves, at its origin, in W, shape (6,)}.
 
-    The pin that closes a loop is not a joint of the robot: its force is in `solution.forces`. In a planar mechanism the force
-    is in the plane; moments across the axis come from links beside each other, and from where a "planar" loop acts. About the
-    joint's axis the moment is that of its motor, spring or stop.
+    After the joints come the pins that close loops, by the loop's name: force and moment of the body of frame_a on that of
+    frame_b, at frame_b's origin; where frame_b is on the ground, of the ground on the body of frame_a. The other body gets the
+    opposite at the same point. Rods and ropes are links, and left out: their forces are in `solution.forces`.
+
+    About a joint's axis the moment is that of its motor, spring or stop. In a planar mechanism all forces are in its plane. If
+    its links lie in planes beside each other, joints have moments across their axes too; a closure of kind "planar" has none,
+    its force acts at frame_b's origin.
 
     Args:
         solution: What `rbd.solve` or `rbd.hold` returned for a mechanism.
 
     Raises:
-        InputError: it was not assembled from a state, or contacts, force elements between bodies, generalised forces or other
-            constraints act, whose forces on single bodies are not known here.
+        InputError: it was not assembled from a state; a loop has the name of a joint; or contacts, force elements between
+            bodies, generalised forces or other constraints act, whose forces on single bodies are not known here.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
         >>> still = rbd.hold(robot.at("assembled"), [])
         >>> pins = rbd.mechanism.pin_forces(still)
+        >>> list(pins)
+        ['crank_joint', 'coupler_joint', 'rocker_joint', 'coupler_pin']
         >>> round(float(pins["crank_joint"][2] + pins["rocker_joint"][2]), 4)  # both on the ground: 7 kg times 9.81 m/s2
         68.67
     """
@@ -51,11 +57,18 @@ def pin_forces(solution: Solution | Actuation) -> dict[str, Array]:
         raise InputError(f"{solution!r:.80} is no answer at a state; expected what rbd.solve returned.")
     robot = state.robot
     wrenches = np.zeros((robot.model.njoints, 6))  # at W's origin
+    closing: dict[str, Array] = {}
     for constraint in origin.constraints:
         rows = constraint.rows(state)
         if closes_loop(constraint):
+            if rows.name in robot.joints:
+                raise InputError(f"loop {rows.name!r:.80} has the name of a joint of {robot.name}; give it another name.")
             if len(rows):
-                _add_loop(state, constraint, np.asarray(solution.forces[rows.name], float), wrenches)
+                f = np.asarray(solution.forces[rows.name], float)
+                wrench = np.r_[f, np.zeros(6 - len(f))]
+                _add_loop(state, constraint, wrench, wrenches)
+                if not member(constraint, "is_link"):
+                    closing[rows.name] = wrench
         elif rows.resultant is not None or np.count_nonzero(np.abs(rows.J).max(axis=0, initial=0.0)) > 1:
             raise InputError(f"{rows.name!r:.80} acts on {robot.name}. {_WHAT_ACTS}")
     given, pushes, elements = acting(origin.external)
@@ -72,14 +85,14 @@ def pin_forces(solution: Solution | Actuation) -> dict[str, Array]:
         forces.append(X_WJ.actInv(pin.Force(wrench)))
     pin.rnea(robot.model, data, state.q, state.v, np.asarray(solution.a, float), forces)
     turned = [np.kron(np.eye(2), X.rotation) for X in data.oMi]
-    return {joint.name: turned[joint.id] @ data.f[joint.id].vector for joint in robot.joints.values()}
+    return {joint.name: turned[joint.id] @ data.f[joint.id].vector for joint in robot.joints.values()} | closing
 
 
-def _add_loop(state: State, loop: Any, f: Array, wrenches: Array) -> None:
-    """Add a closure's force or wrench at frame_b's origin: on the body of frame_b, and the opposite on that of frame_a."""
+def _add_loop(state: State, loop: Any, wrench: Array, wrenches: Array) -> None:
+    """Add a closure's wrench at frame_b's origin: on the body of frame_b, and the opposite on that of frame_a."""
     first, second = (state.robot.site(frame)[0] for frame in frames_of(loop))
     p = state.frame(frames_of(loop)[1]).X_WF.translation
-    wrench = _at_origin(np.r_[f, np.zeros(6 - len(f))], p)
+    wrench = _at_origin(wrench, p)
     sign = 1.0 if second else -1.0  # with frame_b on the ground it is the force on the body of frame_a
     wrenches[second] += sign * wrench
     wrenches[first] -= sign * wrench

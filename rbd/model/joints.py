@@ -173,8 +173,8 @@ class Joint(Displayed):
         name: Its name.
         id: Its number in the Pinocchio model.
         kind: Pinocchio's name for it: "RZ", "PX", "RevoluteUnaligned", "FreeFlyer", ...
-        q: Its part of q.
-        v: Its part of v, and of accelerations and generalised forces.
+        q: Its part of q, a slice also of one entry: `q[:, joint.q]` of n configurations has shape (n, nq of the joint).
+        v: Its part of v, and of accelerations and generalised forces, a slice.
         pieces: Its elementary joints; several for a composite joint.
         positions: A name and a unit for each of its entries in q.
         velocities: Names of its entries in v.
@@ -303,9 +303,7 @@ class Joint(Displayed):
 
     def _cells(self) -> tuple[str, ...]:
         """Row of the printed table: name, what it does, places, unit, limits."""
-        places = [f"{what}[{p.start}]" if n == 1 else f"{what}[{p.start}:{p.stop}]" for what, p, n in (
-            ("q", self.q, self.nq), ("v", self.v, self.nv)
-        )]  # fmt: skip
+        places = [f"{what}[{p.start}:{p.stop}]" for what, p in (("q", self.q), ("v", self.v))]
         bounded = math.isfinite(self.lower) or math.isfinite(self.upper)
         bounds = f"{self.lower:.4g} to {self.upper:.4g}" if bounded else ""
         effort = f"at most {self.effort:.4g} {FORCE_OF[self.unit]}" if math.isfinite(self.effort) else ""

@@ -63,6 +63,8 @@ from rbd.simulation.trajectory import Trajectory
 
 STENCIL = 1e-3
 """Time between the values of a function that v and a come from [s]."""
+ARRAYS = "arrays"
+"""Source of a motion that was given none."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,7 +101,7 @@ class Motion(Displayed):
     q: Array
     v: Array
     a: Array
-    source: str = "arrays"
+    source: str = ARRAYS
     notes: tuple[str, ...] = ()
     derivation: Derivation | None = None
     contacts: ContactTimeline | None = None
@@ -121,7 +123,7 @@ class Motion(Displayed):
         v: Array | None = None,
         a: Array | None = None,
         *,
-        source: str = "arrays",
+        source: str = ARRAYS,
         notes: Sequence[str] = (),
         window: float = 0.2,
         order: int = 4,
@@ -143,7 +145,7 @@ class Motion(Displayed):
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
             a: Accelerations, shape (n, nv), only with v.
-            source: Where they came from.
+            source: Where they came from; see `title`.
             notes: What is to be said of them.
             window: Length of the windows that v and a are computed in [s].
             order: Order of the polynomials in them.
@@ -304,6 +306,11 @@ class Motion(Displayed):
         q = np.array([robot.check_q(value_at(f, float(each))) for each in times])
         v, a = stencil_derivatives(robot, times, q)
         return cls.of_arrays(robot, t, q[2::5], v, a, source="function", ground=ground, quaternion="xyzw", trust=True)
+
+    @property
+    def title(self) -> str:
+        """What its pages are called: its source, or its robot's name where that is only "arrays"."""
+        return self.robot.name if self.source == ARRAYS else self.source
 
     @property
     def n(self) -> int:

@@ -462,7 +462,10 @@ class MotionReport(Displayed):
         return drawing("export_video")(self, path, **settings)
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
-        """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
+        """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`.
+
+        A new figure is none of pyplot's: `artists[0].figure.savefig("report.png")` writes it.
+        """
         return drawing("plot_report")(axes, self)
 
     def show(self, *, speed: float = 1.0) -> None:

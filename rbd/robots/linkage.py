@@ -99,6 +99,9 @@ class Link(Displayed):
 class Linkage(Displayed):
     """A flat linkage in the vertical x-z plane: links, loop closures and postures. `robot()` gives its robot, in memory.
 
+    The limit of a motor is 10 g m l, to four digits [N m; of a slider N], with the mass m of all links and the longest distance
+    l of a corner from the pin of its link.
+
     Attributes:
         name: Of the robot.
         about: What it is, a line or two for the head of the file.

@@ -37,7 +37,8 @@ def four_bar(
 
     closed by `coupler_pin`, the two rows (x, z) of a planar `rbd.LoopClosure` between the coupler's tip and the rocker's:
     a e^(i th2) + b e^(i th3) = d + c e^(i th4). Joints are continuous: each is (cos, sin) in q. `link_angles` gives th2, th3,
-    th4. Bars are thin uniform rods; the rocker's and the coupler's joints have no motor.
+    th4. Bars are thin uniform rods. The limits of the crank's motor are 10 g m l [N m], to four digits, with the mass m of
+    all bars and the longest l of a, b, c, and 100 rad/s; the coupler's and the rocker's joints have no motor.
 
     Postures are `assembled`, the open branch, and `crossed`, the other one (coupler and rocker on the other side of the line
     from the crank's tip to O4).
@@ -62,6 +63,8 @@ def four_bar(
         >>> angles = rbd.mechanism.link_angles(robot.at("assembled"))
         >>> [round(float(np.degrees(angles[link])), 3) for link in ("coupler", "rocker")]
         [20.298, 57.325]
+        >>> rbd.mechanism.four_bar(0.1, 0.3, 0.2, 0.25).joints["crank_joint"].effort  # 10 x 9.81 m/s2 x 0.6 kg x 0.3 m
+        17.66
     """
     a, b, c, d = lengths("the four-bar", a=a, b=b, c=c, d=d)
     if missing := too_long(a=a, b=b, c=c, d=d):

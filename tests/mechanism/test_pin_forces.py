@@ -23,16 +23,17 @@ def solved(speed: float) -> tuple[rbd.State, rbd.Solution, rbd.ExternalForce]:
 def test_the_forces_on_each_bar_accelerate_its_centre_and_turn_it(speed: float) -> None:
     """Newton's and Euler's law of three uniform bars: pins, closing pin, push and weight; moments across y about the centre."""
     state, solution, push = solved(speed)
-    pins, tip = rbd.mechanism.pin_forces(solution), solution.forces["coupler_pin"]  # on the rocker
+    pins = rbd.mechanism.pin_forces(solution)
+    tip = pins["coupler_pin"]  # on the rocker
     at = {name: state.frame(name).X_WF.translation for name in ("crank", "coupler", "rocker", "coupler_tip", "rocker_tip")}
     on = {
         "crank": [(pins["crank_joint"], at["crank"]), (-pins["coupler_joint"], at["coupler"])],
         "coupler": [
             (pins["coupler_joint"], at["coupler"]),
-            (np.r_[-tip, np.zeros(3)], at["coupler_tip"]),
+            (-tip, at["coupler_tip"]),
             (np.r_[push.force, np.zeros(3)], state.frame("coupler", (1.0, 0.0, 0.0)).X_WF.translation),
         ],
-        "rocker": [(pins["rocker_joint"], at["rocker"]), (np.r_[tip, np.zeros(3)], at["rocker_tip"])],
+        "rocker": [(pins["rocker_joint"], at["rocker"]), (tip, at["rocker_tip"])],
     }
     angular = rbd.mechanism.link_rates(state, solution.a)
     for (link, wrenches), length in zip(on.items(), (1.0, 3.0, 2.5), strict=True):
@@ -67,6 +68,43 @@ def test_held_still_the_ground_carries_the_weight() -> None:
     bars = rbd.mechanism.four_bar(1.0, 3.0, 2.5, 3.0)
     pins = rbd.mechanism.pin_forces(rbd.hold(bars.at("assembled"), []))
     assert pins["crank_joint"][:3] + pins["rocker_joint"][:3] == pytest.approx(-6.5 * GRAVITY, abs=1e-9)
+
+
+def bar_between_pins(loop: rbd.LoopClosure) -> dict[str, np.ndarray]:
+    """Pin forces of a bar of 2 kg and 1 m, level from its hinge at x = -1 m to W's origin, where a loop joins it."""
+    built = rbd.RobotBuilder("bar", root="fixed")
+    built.body("base")
+    built.body("bar", rbd.robots.Rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), mass=2.0))
+    built.joint("hinge", "base", "bar", "continuous", at=(-1.0, 0.0, 0.0), axis=(0.0, -1.0, 0.0))
+    built.frame("tip", "bar", (1.0, 0.0, 0.0))
+    bar = built.robot()
+    return rbd.mechanism.pin_forces(rbd.solve(bar.at(), np.zeros(bar.nu), [loop]))
+
+
+@pytest.mark.parametrize("frames", [("universe", "tip"), ("tip", "universe")])
+@pytest.mark.parametrize("kind", ["point", "planar", "revolute"])
+def test_a_pin_on_the_ground_pushes_the_bar_up(frames: tuple[str, str], kind: str) -> None:
+    """Half of the weight at each end, up, whichever frame comes first and whatever else the pin holds."""
+    pins = bar_between_pins(rbd.LoopClosure("far", *frames, kind=kind, axis=(0.0, 1.0, 0.0)))
+    assert list(pins) == ["hinge", "far"]
+    for end in pins.values():
+        assert end == pytest.approx([0.0, 0.0, 9.81, 0.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_a_closing_pin_pushes_the_body_of_its_second_frame() -> None:
+    """Named the other way round it is the opposite; a rod is a link, and a joint's name is refused."""
+    bars = rbd.mechanism.four_bar(1.0, 3.0, 2.5, 3.0)
+    state = bars.at("assembled")
+    forces = []
+    for ends in (("coupler_tip", "rocker_tip"), ("rocker_tip", "coupler_tip")):
+        pin = rbd.LoopClosure("pin", *ends, kind="planar", axis=(0.0, -1.0, 0.0))
+        forces.append(rbd.mechanism.pin_forces(rbd.solve(state, [0.0], [pin], loops=False))["pin"])
+    assert np.abs(forces[0][:3]).max() > 1.0 and forces[1] == pytest.approx(-forces[0], abs=1e-9)
+    rod = rbd.LoopClosure("rod", "universe", "coupler_tip", kind="rod")
+    assert set(rbd.mechanism.pin_forces(rbd.solve(state, [0.0], [rod]))) == {*bars.joints, "coupler_pin"}
+    named = rbd.LoopClosure("crank_joint", "coupler_tip", "rocker_tip", kind="planar", axis=(0.0, -1.0, 0.0))
+    with pytest.raises(InputError, match="loop 'crank_joint' has the name of a joint"):
+        rbd.mechanism.pin_forces(rbd.solve(state, [0.0], [named], loops=False))
 
 
 def test_what_acts_on_unknown_bodies_is_refused() -> None:

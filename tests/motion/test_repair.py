@@ -89,7 +89,7 @@ def test_a_made_fault_is_repaired(wave: Motion, fault: str) -> None:
     off = np.array([pin.difference(wave.robot.model, a, b) for a, b in zip(wave.q, repaired.q, strict=True)])
     assert np.sqrt(np.square(off[:, 6:]).mean()) < 0.1
     assert check_motion(Motion.of_arrays(wave.robot, repaired.t, repaired.q)).share_possible > 0.98  # as another would read it
-    told = "nothing was repaired" if report.possible.all() else f"repaired {broken.source}: 100.0% of its frames are possible"
+    told = "nothing was repaired" if report.possible.all() else f"repaired {broken.title}: 100.0% of its frames are possible"
     assert any(told in note for note in repaired.notes)
 
 

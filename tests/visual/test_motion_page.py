@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,6 +133,9 @@ def test_the_page_opens_where_most_is_missing(report, told, tmp_path):
     other = export_motion(report, tmp_path / "x.html", start=0.1, title="Hangs").read_text(encoding="utf-8")
     assert '"start": 0.1' in other and "<title>Hangs</title>" in other
     assert told["title"] == f"hangs.csv: {report.possible.sum()} of {N} frames possible"
+    m = report.motion
+    unnamed = replace(report, motion=rbd.Motion.of_arrays(m.robot, m.t, m.q, m.v, m.a))
+    assert shown_motion(unnamed).title == f"g1: {report.possible.sum()} of {N} frames possible"
 
 
 def test_contacts_that_never_touch_are_left_out(report):

@@ -38,7 +38,7 @@ def notes_of(
     """
     course = found.course
     out = [
-        f"repaired {before.source}: {possible.mean():.1%} of its frames are possible, {share:.1%} were.",
+        f"repaired {before.title}: {possible.mean():.1%} of its frames are possible, {share:.1%} were.",
         f"{len(course.stances)} stances, moved along the floor by up to {1e3 * found.moved.max(initial=0.0):.0f} mm.",
     ]
     out += on_edges(course, float(motion.t[0]))

@@ -337,6 +337,6 @@ def _made(motion: Motion, lanes: ContactTimeline, found: Repaired, t: Array, slo
         q = interpolated_q(robot, t, sweep.q, sweep.v, wanted)
         v, a = cubic(t, sweep.v, sweep.a, wanted), cubic_rate(t, sweep.v, sweep.a, wanted)
     out = Motion.of_arrays(
-        robot, wanted, q, v, a, source=f"repaired {motion.source}", ground=course.ground, quaternion="xyzw", trust=True
+        robot, wanted, q, v, a, source=f"repaired {motion.title}", ground=course.ground, quaternion="xyzw", trust=True
     )
     return out.with_contacts(lanes_of(out, points, on, course.ground))

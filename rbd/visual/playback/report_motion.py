@@ -188,8 +188,8 @@ def _modes(lanes: ContactTimeline, name: str) -> list[str]:
 
 
 def headline_of(report: MotionReport) -> str:
-    """The motion's source, and how many of its frames are possible."""
-    return f"{report.motion.source}: {int(report.possible.sum())} of {report.n} frames possible"
+    """The motion's title, and how many of its frames are possible."""
+    return f"{report.motion.title}: {int(report.possible.sum())} of {report.n} frames possible"
 
 
 def _fps(report: MotionReport) -> float | None:
