@@ -190,6 +190,7 @@ def test_a_repaired_motion_is_shown_beside_what_it_was_and_written(g1, tmp_path)
         file, *G1, "--repair", "--slower", "1.5", "--out", tmp_path / "x.pkl", "--kind", "gmr", "--html", page, "--json", data
     )
     numbers = json.loads(data.read_text())["motions"][0]
+    assert said.splitlines()[1] == "It has as many frames, so that its rate is 20 Hz instead of 30 Hz."
     assert code == 0 and "0.0 -> 100.0 %" in said and "feet 0.0 -> 100.0" in said and "note: from the reference: joints" in said
     assert numbers["possible"] == 1.0 and numbers["before"]["possible"] == 0.0
     assert numbers["duration_s"] == pytest.approx(1.5 * numbers["before"]["duration_s"])

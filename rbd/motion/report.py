@@ -377,7 +377,7 @@ class MotionReport(Displayed):
                 done=done,
             )  # fmt: skip
         again = self.check(new, progress=False)
-        return replace(new, notes=notes_of(course, new, m, self.share_possible, again.possible, again.why))
+        return replace(new, notes=notes_of(course, new, m, self.causes, again.causes, again.why))
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""
