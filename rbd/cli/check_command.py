@@ -260,8 +260,12 @@ class Ranking:
             return BAD_INPUT
         return NO_SOLUTION if any(x["possible"] < self.least_possible for x in self.checked.values()) else 0
 
-    def _worse(self, names: Mapping[str, str]) -> list[str]:
-        """Causes that changed motions have in more frames than those that were given, by file."""
+    def more_faults(self, names: Mapping[str, str]) -> list[str]:
+        """Causes that repaired motions have in more frames than those that were given, in words, a line a file.
+
+        Args:
+            names: {file: its name in the table}.
+        """
         out = []
         for file, x in self.ranked:
             was = x.get("before", x)["causes"]
@@ -291,7 +295,7 @@ class Ranking:
                 )  # fmt: skip
             note = "balance, feet, motors: share of the frames without a fault of theirs; possible: without any; score: of 100"
             parts += [Text(f"{good} of {motions} possible{share}."), table, Text(note)]
-            parts += [Text(line) for line in self._worse(names)]
+            parts += [Text(line) for line in self.more_faults(names)]
             if self.together:
                 shares = ", ".join(f"{name} {beside(self.together, name, 1)} %" for name in ("possible", *FIGURES))
                 parts.append(Text(f"of all {self.together['frames']:,} frames: {shares}"))

@@ -38,7 +38,7 @@ def notes_of(
         now: Causes against those of the repaired motion, shape (n, len(CAUSES)).
         causes: In words, of frames from one up to another.
     """
-    course, possible = found.course, ~now.any(axis=1)
+    course, possible = found.course, np.asarray(~now.any(axis=1))
     share = 1.0 - float(was.any(axis=1).mean())
     out = [f"repaired {before.source}: {possible.mean():.1%} of its frames are possible, {share:.1%} were."]
     out += new_faults(motion.t, was, now)
@@ -76,7 +76,7 @@ def new_faults(t: Array, was: Array, now: Array) -> list[str]:
     counts = sorted(((int(count), cause) for cause, count in zip(CAUSES, new.sum(axis=0), strict=True) if count), reverse=True)
     if not counts:
         return []
-    runs = sorted(sorted(together(t, new.any(axis=1)), key=lambda run: run[0] - run[1])[:TOLD])
+    runs = sorted(sorted(together(t, np.asarray(new.any(axis=1))), key=lambda run: run[0] - run[1])[:TOLD])
     times = ", ".join(f"{t[a]:.2f}" + (f" to {t[b - 1]:.2f}" if b > a + 1 else "") for a, b in runs)
     kinds = ", ".join(f"{cause} in {count}" for count, cause in counts)
     return [f"new faults in {counted(int(new.any(axis=1).sum()), 'frame')}: {kinds}; at {times} s."]
