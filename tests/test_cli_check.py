@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
+from rbd.cli.check_command import Ranking
 
 runner = CliRunner()
 N, UP = 30, 20
@@ -190,6 +191,7 @@ def test_a_repaired_motion_is_shown_beside_what_it_was_and_written(g1, tmp_path)
         file, *G1, "--repair", "--slower", "1.5", "--out", tmp_path / "x.pkl", "--kind", "gmr", "--html", page, "--json", data
     )
     numbers = json.loads(data.read_text())["motions"][0]
+    assert said.splitlines()[1] == "It has as many frames, so that its rate is 20 Hz instead of 30 Hz."
     assert code == 0 and "0.0 -> 100.0 %" in said and "feet 0.0 -> 100.0" in said and "note: from the reference: joints" in said
     assert numbers["possible"] == 1.0 and numbers["before"]["possible"] == 0.0
     assert numbers["duration_s"] == pytest.approx(1.5 * numbers["before"]["duration_s"])
@@ -209,6 +211,14 @@ def test_each_of_several_motions_is_repaired_into_a_folder(g1, tmp_path):
     assert sorted(path.relative_to(out) for path in out.rglob("*.npz")) == [Path("a/x.npz"), Path("b/x.npz")]
     code, _, said = run(out, *G1, "--repair", "--out", out)
     assert code == 2 and "is read" in said
+
+
+def test_a_repair_that_adds_faults_names_them():
+    """Of causes that both have, those in more frames; motions that were not repaired, or are better, have no line."""
+    same, worse = {"score": 2.0, "causes": {"tips": 4}}, {"score": 1.0, "causes": {"joint limit": 60, "tips": 1, "motor": 5}}
+    worse["before"] = {"causes": {"tips": 2, "motor": 3}}
+    found = Ranking(1.0, {"a": same, "b": worse, "c": same | {"before": same}})
+    assert found.more_faults({"b": "b.csv"}) == ["more faults in b.csv: joint limit 0 -> 60, motor 3 -> 5 frames."]
 
 
 MOTORS = (

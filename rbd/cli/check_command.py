@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
@@ -183,6 +183,8 @@ def check(
             )
             ranking.checked[str(chosen[0])] = numbers_of(report) | {"per_frame": _per_frame(report)}
             console.print(verdict(report), highlight=False, soft_wrap=True)
+            for line in _beside_given(report) if repair else ():
+                console.print(line, highlight=False, soft_wrap=True)
             console.print(str(report), highlight=False, soft_wrap=True)
             write_json(json_, ranking)
             if out is not None:
@@ -258,6 +260,19 @@ class Ranking:
             return BAD_INPUT
         return NO_SOLUTION if any(x["possible"] < self.least_possible for x in self.checked.values()) else 0
 
+    def more_faults(self, names: Mapping[str, str]) -> list[str]:
+        """Causes that repaired motions have in more frames than those that were given, in words, a line a file.
+
+        Args:
+            names: {file: its name in the table}.
+        """
+        out = []
+        for file, x in self.ranked:
+            was = x.get("before", x)["causes"]
+            more = [f"{cause} {was.get(cause, 0)} -> {n}" for cause, n in x["causes"].items() if n > was.get(cause, 0)]
+            out += [f"more faults in {names[file]}: {', '.join(more)} frames."] if more else []
+        return out
+
     def __rich__(self) -> Group:
         """How many are possible, the ranking, then the files that were not checked."""
         from rbd.motion.causes import FIGURES
@@ -280,6 +295,7 @@ class Ranking:
                 )  # fmt: skip
             note = "balance, feet, motors: share of the frames without a fault of theirs; possible: without any; score: of 100"
             parts += [Text(f"{good} of {motions} possible{share}."), table, Text(note)]
+            parts += [Text(line) for line in self.more_faults(names)]
             if self.together:
                 shares = ", ".join(f"{name} {beside(self.together, name, 1)} %" for name in ("possible", *FIGURES))
                 parts.append(Text(f"of all {self.together['frames']:,} frames: {shares}"))
@@ -299,6 +315,19 @@ def verdict(report: MotionReport) -> str:
     counts = sorted(((int(report.of_cause(c).sum()), c) for c in CAUSES), reverse=True)
     causes = ", ".join(f"{cause} in {count}" for count, cause in counts if count)
     return f"Not possible in {bad} of {counted(report.n, 'frame')}: {causes}."
+
+
+def _beside_given(report: MotionReport) -> list[str]:
+    """Frames of a repaired motion with faults that the one that was given had not there, and its rate where that is another."""
+    from rbd.motion.repair.notes import new_faults
+
+    given, m = report.before, report.motion
+    if given is None:
+        return []
+    lines = [line[0].upper() + line[1:] for line in new_faults(m.t, given.causes, report.causes)]
+    if m.duration > 1.001 * given.motion.duration:
+        lines.append(f"It has as many frames, so that its rate is {m.rate:.6g} Hz instead of {given.motion.rate:.6g} Hz.")
+    return lines
 
 
 def _per_frame(report: MotionReport) -> dict[str, Any]:

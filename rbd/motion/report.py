@@ -336,13 +336,14 @@ class MotionReport(Displayed):
            friction cones at the stances exist at all times; stances may shift (`rbd.centroid`).
         4. Posture: poses over the whole motion near the reference, with feet on their paths, these forces, torques and joints
            within limits, bodies apart; the angular momentum that they have goes back into 3, until both agree.
-        5. The result is judged by the same check; its notes say what is not possible, by interval and cause.
+        5. The result is judged by the same check; its notes say what is not possible, by interval and cause, and first in which
+           frames it has a kind of fault that this one has not there: limits are broken where the stances cannot be reached.
 
         A motion that is possible at each frame comes back as it is. The reference is followed up to 6 Hz, its accelerations by
         differences of frames at 45 to 75 Hz; 0.86 of the friction, 0.75 of the soles and of the torques are used.
 
         Args:
-            slower: How many times as long it takes; contacts are those of the given pace.
+            slower: How many times as long it takes, in as many frames; contacts are those of the given pace.
             keep: Names of frames whose poses stay where they are, as those of hands.
             progress: Show a bar on a terminal.
 
@@ -377,7 +378,7 @@ class MotionReport(Displayed):
                 done=done,
             )  # fmt: skip
         again = self.check(new, progress=False)
-        return replace(new, notes=notes_of(course, new, m, self.share_possible, again.possible, again.why))
+        return replace(new, notes=notes_of(course, new, m, self.causes, again.causes, again.why))
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""

@@ -11,6 +11,7 @@ from rbd.arrays import Array
 from rbd.errors import FrameNotFound, InputError
 from rbd.motion import CAUSES, Motion, check_motion, minimum_jerk
 from rbd.motion.repair.feet import Feet
+from rbd.motion.repair.notes import new_faults
 from rbd.motion.repair.sweep import Sweep
 
 ARMS = {"left_shoulder_pitch_joint": -1.2, "right_shoulder_pitch_joint": -0.6, "waist_yaw_joint": 0.3}
@@ -163,6 +164,7 @@ def test_slower_has_the_same_contacts_at_another_pace(wave: Motion) -> None:
     broken = tilted(wave, 5.0)
     repaired = check_motion(broken).repaired(slower=1.5, progress=False)
     assert repaired.n == wave.n and repaired.duration == pytest.approx(1.5 * wave.duration)
+    assert "its rate is 40 Hz instead of 60 Hz" in repaired.notes[1]
     assert check_motion(repaired).possible.all()
 
 
@@ -204,8 +206,21 @@ def test_what_is_not_possible_has_a_time_and_a_cause(g1: rbd.Robot) -> None:
     motion = minimum_jerk(g1, [stands, stands], [0.0, 0.5])
     weak = check_motion(motion, torque_limits=0.05)
     assert weak.share_possible == 0.0 and weak.check(weak.repaired(progress=False)).share_possible == 1.0
-    notes = check_motion(motion, torque_limits=0.02).repaired(progress=False).notes
+    weaker = check_motion(motion, torque_limits=0.02)
+    repaired = weaker.repaired(progress=False)
+    notes, again = repaired.notes, weaker.check(repaired)
+    new = (again.causes & ~weaker.causes).any(axis=1).sum()
+    assert notes[1].startswith(f"new faults in {new} frames: ") == bool(new)
     assert any(note.startswith("not possible from 0.00 to 0.50 s: ") and "motor" in note for note in notes)
+
+
+def test_new_faults_have_counts_and_times() -> None:
+    """Frames that had another fault count, those that had the same do not; what is near in time is one stretch."""
+    t, was, now = 0.02 * np.arange(50), np.zeros((50, len(CAUSES)), bool), np.zeros((50, len(CAUSES)), bool)
+    was[:30, CAUSES.index("slides")] = was[10, CAUSES.index("motor")] = True
+    now[5:12, CAUSES.index("motor")] = now[[5, 7, 40], CAUSES.index("joint limit")] = True
+    assert new_faults(t, was, now) == ["new faults in 7 frames: motor in 6, joint limit in 3; at 0.10 to 0.22, 0.80 s."]
+    assert new_faults(t, now, now) == []
 
 
 def test_bad_input(wave: Motion) -> None:

@@ -8,12 +8,14 @@ from collections.abc import Callable
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.motion.causes import CAUSES
 from rbd.motion.contact_timeline import stretches
 from rbd.motion.difference import MotionDifference
 from rbd.motion.grasps import Grasps
 from rbd.motion.reference_motion import Motion
 from rbd.motion.repair.repairing import Course, Repaired
 from rbd.motion.repair.sweep import Sweep
+from rbd.records import counted
 
 TOGETHER = 0.1
 """Times that are this near to each other are told as one [s]."""
@@ -24,7 +26,7 @@ MOVES, TURNS, TILTS, REACH = 0.1, math.radians(45.0), math.radians(15.0), 1e-3
 
 
 def notes_of(
-    found: Repaired, motion: Motion, before: Motion, share: float, possible: Array, causes: Callable[[int, int], list[str]]
+    found: Repaired, motion: Motion, before: Motion, was: Array, now: Array, causes: Callable[[int, int], list[str]]
 ) -> tuple[str, ...]:
     """The notes of a repaired motion.
 
@@ -32,15 +34,17 @@ def notes_of(
         found: How it was found.
         motion: The repaired motion.
         before: The reference.
-        share: Share of the reference's frames that are possible.
-        possible: Which of the repaired are, shape (n,).
+        was: Causes against frames of the reference, shape (n, len(CAUSES)).
+        now: Causes against those of the repaired motion, shape (n, len(CAUSES)).
         causes: In words, of frames from one up to another.
     """
-    course = found.course
-    out = [
-        f"repaired {before.title}: {possible.mean():.1%} of its frames are possible, {share:.1%} were.",
-        f"{len(course.stances)} stances, moved along the floor by up to {1e3 * found.moved.max(initial=0.0):.0f} mm.",
-    ]
+    course, possible = found.course, np.asarray(~now.any(axis=1))
+    share = 1.0 - float(was.any(axis=1).mean())
+    out = [f"repaired {before.title}: {possible.mean():.1%} of its frames are possible, {share:.1%} were."]
+    out += new_faults(motion.t, was, now)
+    if motion.duration > 1.001 * before.duration:
+        out.append(f"it has as many frames, so that its rate is {motion.rate:.6g} Hz instead of {before.rate:.6g} Hz.")
+    out.append(f"{len(course.stances)} stances, moved along the floor by up to {1e3 * found.moved.max(initial=0.0):.0f} mm.")
     out += on_edges(course, float(motion.t[0]))
     raised = course.raised
     if abs(raised) >= 5e-4:
@@ -51,18 +55,47 @@ def notes_of(
     if grasps.things:
         out.append(f"hands leave the grasp {grasps.words(0, motion.n)} at most.")
     names = [c.name for c in course.contacts]
-    runs: list[tuple[int, int]] = []
-    for a, b in stretches(~possible):
-        if runs and motion.t[a] - motion.t[runs[-1][1] - 1] < TOGETHER:
-            runs[-1] = (runs[-1][0], b)
-        else:
-            runs.append((a, b))
+    runs = together(motion.t, ~possible)
     for a, b in sorted(runs, key=lambda run: run[0] - run[1])[:TOLD]:
         why = [*reasons(found, names, float(motion.t[a]), float(motion.t[b - 1])), *causes(a, b)]
         out.append(f"not possible from {motion.t[a]:.2f} to {motion.t[b - 1]:.2f} s: {'; '.join(why)}.")
     if len(runs) > TOLD:
         out.append(f"and in {len(runs) - TOLD} more stretches of time, shorter ones.")
     return tuple(out)
+
+
+def new_faults(t: Array, was: Array, now: Array) -> list[str]:
+    """In which frames a motion has a kind of fault that it had not before, in words: one line, or none.
+
+    Args:
+        t: Times of the frames, shape (n,) [s].
+        was: Causes against them before, shape (n, len(CAUSES)).
+        now: Causes against them now, shape (n, len(CAUSES)).
+    """
+    new = now & ~was
+    counts = sorted(((int(count), cause) for cause, count in zip(CAUSES, new.sum(axis=0), strict=True) if count), reverse=True)
+    if not counts:
+        return []
+    runs = sorted(sorted(together(t, np.asarray(new.any(axis=1))), key=lambda run: run[0] - run[1])[:TOLD])
+    times = ", ".join(f"{t[a]:.2f}" + (f" to {t[b - 1]:.2f}" if b > a + 1 else "") for a, b in runs)
+    kinds = ", ".join(f"{cause} in {count}" for count, cause in counts)
+    return [f"new faults in {counted(int(new.any(axis=1).sum()), 'frame')}: {kinds}; at {times} s."]
+
+
+def together(t: Array, some: Array) -> list[tuple[int, int]]:
+    """(first, end) of stretches of frames, those as one between which less than `TOGETHER` passes.
+
+    Args:
+        t: Times of the frames, shape (n,) [s].
+        some: Which frames, shape (n,).
+    """
+    runs = list[tuple[int, int]]()
+    for a, b in stretches(some):
+        if runs and t[a] - t[runs[-1][1] - 1] < TOGETHER:
+            runs[-1] = (runs[-1][0], b)
+        else:
+            runs.append((a, b))
+    return runs
 
 
 def on_edges(course: Course, first: float) -> list[str]:
