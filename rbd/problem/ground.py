@@ -14,6 +14,8 @@ from rbd.problem.motions import Motion, Prescribed
 
 TOUCHES = 1e-3
 """A contact whose points are all within this of its plane touches it [m]."""
+RUNS_ALONG = 1e-9
+"""A surface that runs along its plane has no larger speed across it [m/s, rad/s]."""
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -118,6 +120,15 @@ class Ground(Displayed):
         """Whether it has a motion, or a velocity or an acceleration that is not zero."""
         given = (self.velocity, self.acceleration)
         return self.motion is not None or any(each is not None and np.any(each) for each in given)
+
+    @property
+    def stays(self) -> bool:
+        """Whether its plane is known and stays where it is, at rest or with a surface that runs along it or turns about n."""
+        if self.motion is not None or self.normal is None or self.point is None:
+            return False
+        n = np.asarray(self.normal)
+        across = [max(abs(float(x[:3] @ n)), float(np.abs(np.cross(x[3:], n)).max())) for x in motion_of(self)]
+        return max(across) < RUNS_ALONG
 
     def distances(self, points: Array) -> Array:
         """How far points are above the plane, negative below, shape (k,) [m]; NaN where the plane is not known.

@@ -31,6 +31,7 @@ from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce, ForceElement, elements_of, generalised, has_pushes, is_element
 from rbd.model.state import State, state_at
+from rbd.problem.ground import Ground
 from rbd.simulation.events import EventSearch, StateEvent
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
@@ -101,6 +102,12 @@ class SimulatedMotion:
         """{contact: Coulomb's coefficient}, of those that have one."""
         given = {c.name: member(c, "friction") for c in self.constraints}
         return {name: float(mu) for name, mu in given.items() if isinstance(mu, int | float)}
+
+    @property
+    def planes(self) -> dict[str, Ground]:
+        """{contact: the plane that it touches}, of those whose plane is known and stays where it is; its surface may run."""
+        given = {c.name: member(c, "plane") for c in self.constraints}
+        return {name: plane for name, plane in given.items() if isinstance(plane, Ground) and plane.stays}
 
     @property
     def pushed(self) -> bool:

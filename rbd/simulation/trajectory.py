@@ -23,6 +23,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ForceElement
 from rbd.model.output_files import check_place
 from rbd.model.state import State
+from rbd.problem.ground import Ground
 from rbd.records import Axis, Field
 from rbd.simulation.contact_gaps import CLOSED
 from rbd.simulation.recording import Recording
@@ -88,6 +89,7 @@ class Trajectory(Displayed):
         terrains: Those that contacts were on, and planes that moved, as half-spaces.
         driven: {constraint: the joint whose motion it gave as a function of time}.
         friction: {contact: Coulomb's coefficient}, of those that have one; not of other sets of forces.
+        planes: {contact: the plane that it touches, a `rbd.Ground`}, of those whose plane is known and stays where it is.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -132,6 +134,7 @@ class Trajectory(Displayed):
     terrains: tuple[Terrain, ...] = ()
     driven: Mapping[str, str] = field(default_factory=dict)
     friction: Mapping[str, float] = field(default_factory=dict)
+    planes: Mapping[str, Ground] = field(default_factory=dict)
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field(
@@ -236,6 +239,7 @@ class Trajectory(Displayed):
             terrains=motion.terrains,
             driven=motion.driven,
             friction=motion.friction,
+            planes=motion.planes,
         )
 
     @property

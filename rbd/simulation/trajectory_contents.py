@@ -27,6 +27,7 @@ from rbd.model.external import ForceElement
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import plain_motors
 from rbd.modules import xarray_or_error
+from rbd.problem.ground import Ground
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
@@ -67,6 +68,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "terrains": [plain_of(terrain, fields["t"]) for terrain in fields["terrains"]],
         "driven": dict(fields["driven"]),
         "friction": dict(fields["friction"]),
+        "planes": {name: _plane_data(plane) for name, plane in fields["planes"].items()},
         **header_of_elements(fields["elements"]),
     }
 
@@ -106,6 +108,7 @@ def fields_of(
         "terrains": tuple(terrain_of(given) for given in listed_in(header, "terrains")) if "terrains" in header else (),
         "driven": header.get("driven", {}),
         "friction": header.get("friction", {}),
+        "planes": _planes_in(header.get("planes", {})),
         "t": t,
         "events": tuple(_event(given) for given in listed_in(header, "events")),
         "absent": words_in(header, "absent") if "absent" in header else (),
@@ -117,6 +120,23 @@ def fields_of(
         lacks = c.missing is not None and c.variable not in arrays
         c.put(out, np.full(len(t), c.missing) if lacks else found(c.variable, words=c.words))
     return out
+
+
+_PLANE = ("normal", "point", "velocity", "about")
+"""What a header tells of a plane, of `rbd.Ground`."""
+
+
+def _plane_data(plane: Ground) -> dict[str, list[float]]:
+    return {name: np.asarray(x).tolist() for name in _PLANE if (x := getattr(plane, name)) is not None}
+
+
+def _planes_in(given: object) -> dict[str, Ground]:
+    """The planes of a header; none of files of earlier versions."""
+    try:
+        known: Any = given
+        return {str(name): Ground(**{key: data.get(key) for key in _PLANE}) for name, data in known.items()}
+    except (TypeError, AttributeError, ValueError, InputError) as error:
+        raise InputError(f"planes in its header are {given!r:.80}; expected {{contact: normal, point}}") from error
 
 
 def dataset_of(fields: Fields) -> xarray.Dataset:

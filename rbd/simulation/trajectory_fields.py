@@ -15,6 +15,7 @@ from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import is_element
+from rbd.problem.ground import Ground
 from rbd.records import number
 from rbd.simulation.simulated_motion import Event
 
@@ -178,6 +179,7 @@ def checked(fields: Fields) -> dict[str, Any]:
         raise InputError(f"terrains of a trajectory are {fields['terrains']!r:.80}; expected rbd.Terrain.")
     out["driven"] = _driven(robot, fields["driven"], names_of=fields["forces"])
     out["friction"] = _friction(fields["friction"], names_of=fields["forces"])
+    out["planes"] = _planes(fields["planes"], names_of=fields["forces"])
     if not all(isinstance(each, Event) for each in out["events"]):
         raise InputError("events of a trajectory must be rbd.simulation Events.")
     if not all(isinstance(each, str) for each in out["absent"]):
@@ -209,6 +211,17 @@ def _friction(given: object, names_of: Mapping[str, Array]) -> Mapping[str, floa
         raise InputError(f"friction of a trajectory is {given!r:.80}; expected {{contact: coefficient}} of its constraints.")
     what = "friction of a trajectory"
     return {name: check_number(what, mu, 0.0, expected="a coefficient of 0 or more") for name, mu in given.items()}
+
+
+def _planes(given: object, names_of: Mapping[str, Array]) -> Mapping[str, Ground]:
+    """{contact: plane that stays}, of constraints with forces."""
+    known = isinstance(given, Mapping) and set(given) <= set(names_of)
+    if not isinstance(given, Mapping) or not known or not all(isinstance(g, Ground) and g.stays for g in given.values()):
+        raise InputError(
+            f"planes of a trajectory are {given!r:.80}; expected {{contact: rbd.Ground(point=..., normal=...)}} of its "
+            "constraints, that stay where they are."
+        )
+    return dict(given)
 
 
 def _checked_array(column: FieldColumn, value: Array, shape: Sequence[int | None]) -> Array:

@@ -19,20 +19,22 @@ from rbd.installation import VERSION
 from rbd.motion.frame_terms import placements
 from rbd.robust import verifier
 from rbd.robust.holding import RobustHold
-from rbd.visual.pages.page import page_template, script_safe, write_page
+from rbd.visual.pages.page import page_template, script_safe, system_colors, write_page
 from rbd.visual.stills import surface_points
 
 POINTS = 16000
 """Of the robot's surfaces, about."""
 _PAGE = page_template(
-    """body { margin: 0; padding: 16px 20px; color: #1f2933; font: 14px/20px system-ui, "DejaVu Sans", sans-serif; }
-h1 { font-size: 20px; margin: 0 0 4px; } .quiet { color: #52606d; margin: 0 0 10px; }
-main { display: flex; flex-wrap: wrap; gap: 20px; } canvas { border: 1px solid #d9e2ec; border-radius: 6px; cursor: grab; }
+    system_colors()
+    + """body { margin: 0; padding: 16px 20px; color: var(--ink); background: var(--halo);
+font: 14px/20px system-ui, "DejaVu Sans", sans-serif; }
+h1 { font-size: 20px; margin: 0 0 4px; } .quiet { color: var(--soft); margin: 0 0 10px; }
+main { display: flex; flex-wrap: wrap; gap: 20px; } canvas { border: 1px solid var(--edge); border-radius: 6px; cursor: grab; }
 aside { flex: 1 1 300px; max-width: 460px; } label { display: grid; grid-template-columns: 150px 1fr 92px; gap: 8px; }
 input { width: 100%; } output { text-align: right; } td { padding: 1px 10px 1px 0; }
-#says { border-radius: 6px; padding: 8px 12px; margin-bottom: 10px; background: #e3f3e6; }
+#says { border-radius: 6px; padding: 8px 12px; margin-bottom: 10px; background: #e3f3e6; color: #1f2933; }
 .beyond #says { background: #fbdcdc; }
-.beyond canvas { border-color: #c4161c; } .bar { display: inline-block; height: 10px; background: #0b5d94; }""",
+.beyond canvas { border-color: var(--wrong); } .bar { display: inline-block; height: 10px; background: var(--link); }""",
     """<h1>$title</h1>
 <p class="quiet">$about</p>
 <main><canvas id="robot" width="620" height="620"></canvas>

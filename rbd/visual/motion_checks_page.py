@@ -17,7 +17,7 @@ from rbd.installation import VERSION
 from rbd.model.output_files import write_text
 from rbd.motion.causes import FIGURES
 from rbd.motion.contact_detection import NOTHING
-from rbd.visual.pages.page import ONLY_ITSELF, page_template
+from rbd.visual.pages.page import ONLY_ITSELF, page_template, system_colors
 from rbd.visual.playback.report_motion import cause_colors
 from rbd.visual.stills import still
 
@@ -40,27 +40,28 @@ GREY = "#b8c2cc"
 TOLD = (NOTHING, "its own rate was kept")
 """Notes that are listed begin so."""
 _PAGE = page_template(
-    """body { margin: 0 auto; max-width: 1180px; padding: 20px 24px 60px; color: #1f2933; background: #ffffff; }
+    system_colors()
+    + """body { margin: 0 auto; max-width: 1180px; padding: 20px 24px 60px; color: var(--ink); background: var(--halo); }
 body, table { font: 14px/20px system-ui, "DejaVu Sans", sans-serif; }
 h1 { font-size: 24px; line-height: 30px; margin: 8px 0 4px; } h2 { font-size: 17px; margin: 34px 0 10px; }
-p { margin: 4px 0; } .quiet { color: #52606d; } a { color: #0b5d94; }
+p { margin: 4px 0; } .quiet { color: var(--soft); } a { color: var(--link); }
 .row { display: flex; flex-wrap: wrap; gap: 14px; }
-.tile { flex: 1 1 120px; background: #eef2f5; border-radius: 6px; padding: 10px 14px; }
+.tile { flex: 1 1 120px; background: var(--pressed); border-radius: 6px; padding: 10px 14px; }
 .tile b { display: block; font-size: 24px; line-height: 32px; }
 .bars { display: grid; grid-template-columns: max-content 1fr max-content; gap: 4px 10px; align-items: center; }
 .bar { height: 13px; border-radius: 2px; min-width: 1px; } .right { text-align: right; }
 figure { margin: 0; flex: 0 1 170px; } figure svg { display: block; width: 100%; height: auto; }
 figcaption { margin-top: 4px; font-size: 13px; line-height: 17px; overflow-wrap: anywhere; }
 .worst { display: grid; grid-template-columns: repeat(auto-fill, minmax(170px, 1fr)); gap: 16px; }
-.worst figure { width: auto; border: 1px solid #d9e2ec; border-radius: 6px; padding: 8px; }
+.worst figure { width: auto; border: 1px solid var(--edge); border-radius: 6px; padding: 8px; }
 .worst.wide { grid-template-columns: repeat(auto-fill, minmax(340px, 1fr)); }
 .stills { display: flex; gap: 10px; margin-top: 6px; font-size: 13px; line-height: 17px; }
 .stills div { flex: 1; min-width: 0; }
-.was { color: #7b8794; font-weight: normal; font-size: 0.8em; }
+.was { color: var(--soft); font-weight: normal; font-size: 0.8em; }
 .worst img { display: block; width: 100%; aspect-ratio: 1; object-fit: contain; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; width: 100%; }
-th, td { padding: 4px 8px; text-align: right; white-space: nowrap; border-bottom: 1px solid #e4e9ee; }
-th { position: sticky; top: 0; background: #ffffff; cursor: pointer; }
+th, td { padding: 4px 8px; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); }
+th { position: sticky; top: 0; background: var(--halo); cursor: pointer; }
 th:first-child, td:first-child, .left { text-align: left; }
 td:first-child, .left { overflow-wrap: anywhere; white-space: normal; min-width: 150px; }""",
     """<h1>$title</h1>
@@ -226,7 +227,7 @@ def _histogram(title: str, unit: str, values: np.ndarray, top: float | None) -> 
     )  # fmt: skip
     medians = np.median(values, axis=0).round(6).tolist()
     x, words = 180.0 * min(medians[-1] / most, 1.0), _beside(f"{each:.3g}" for each in medians)
-    text = "<text y='106' font-size='11' fill='#52606d'"
+    text = "<text y='106' font-size='11' style='fill:var(--soft)'"
     return (
         f"<figure><svg viewBox='-4 0 188 110' role='img' aria-label='{title}'>{bars}<path d='M0 90H180' stroke='#9aa5b1'/>"
         f"<path d='M{x:.1f} 4V90' stroke='#d55e00' stroke-dasharray='3 2'/>{text} x='0'>0</text>"

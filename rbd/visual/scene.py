@@ -24,6 +24,7 @@ from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture, legend_data
 from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
 from rbd.visual.marks.shown_force import ShownForce
+from rbd.visual.marks.surfaces import ShownSurface, surface_marks
 from rbd.visual.marks.terrain import ShownTerrain, terrain_marks
 from rbd.visual.packed_meshes import described, send_mark, send_part
 from rbd.visual.pages.browser import Browser, Closing
@@ -112,7 +113,9 @@ class Scene(Displayed, Closing):
         self._moving = False
         self._statics: tuple[Drawn, ...] = ()
         self._terrains: tuple[ShownTerrain, ...] = ()
+        self._planes: tuple[ShownSurface, ...] = ()
         self._scenery: list[Mark] = []
+        self._level = True
         self.title = robot.name
         """Of its page: the robot's name, or the headline of a motion."""
 
@@ -237,17 +240,21 @@ class Scene(Displayed, Closing):
         self._send_marks()
 
     @drawn_together
-    def stand_on(self, *terrains: Terrain | ShownTerrain) -> None:
+    def stand_on(self, *grounds: Terrain | ShownTerrain | ShownSurface) -> None:
         """Draw terrains around the robot, until the next call; those that contacts of a solution are on are drawn anyway.
+
+        Pages of motions draw pieces of planes so too, `rbd.visual.marks.surfaces.ShownSurface`.
 
         Raises:
             InputError: of something else.
             PictureError: if nothing has been shown yet.
         """
         _ = self.sizes  # refuses an empty scene
-        for one in terrains:
-            if not isinstance(one, Terrain | ShownTerrain):
+        for one in grounds:
+            if not isinstance(one, Terrain | ShownTerrain | ShownSurface):
                 raise InputError(f"{one!r:.80} is no terrain; expected rbd.Terrain.")
+        self._planes = tuple(one for one in grounds if isinstance(one, ShownSurface))
+        terrains = [one for one in grounds if not isinstance(one, ShownSurface)]
         self._terrains = tuple(t if isinstance(t, ShownTerrain) else ShownTerrain.about(t, self._body.cloud) for t in terrains)
         self._send_marks()
         self.recorder.post("view", self._view())
@@ -365,6 +372,9 @@ class Scene(Displayed, Closing):
         self._viewer["marks"].delete()
         shown = self._shown_terrains()
         self._scenery = [mark for i, one in enumerate(shown) for mark in terrain_marks(i, one, self.sizes) if len(mark.points)]
+        self._level = not self._scenery
+        beyond = len(self._picture.surfaces)
+        self._scenery += [mark for i, one in enumerate(self._planes, beyond) for mark in surface_marks(i, one, self.sizes)]
         for mark in self.drawn:
             send_mark(self._viewer, mark)
         self.recorder.post("frames", frames(self.robot, self._body.data, self._picture.contacts, self.sizes.body))
@@ -388,9 +398,9 @@ class Scene(Displayed, Closing):
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.points for mark in self.drawn if self._layers[mark.layer] and not mark.scenery]
+        drawn = [mark.points for mark in (*self._marks, *self._around_marks) if self._layers[mark.layer]]
         contacts, body = self._picture.contacts, self._body
         direction = seen_from(contacts) if self._seen_from is None else self._seen_from
         front, clouds = front_of(self.robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
-        level = self._ground and not self._scenery
+        level = self._ground and self._level
         return camera_and_ground(clouds, direction, front, opens=self._opens, body=self.sizes.body, ground=level)

@@ -20,7 +20,7 @@ from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 from rbd.visual.marks.other_constraints import origin_of
 from rbd.visual.pages.browser import Browser
-from rbd.visual.pages.page import page_template, screenshot, write_page
+from rbd.visual.pages.page import page_template, screenshot, system_colors, write_page
 from rbd.visual.robot_meshes import drawable
 from rbd.visual.scene import Scene
 from rbd.visual.style import MOST_SIZE, a_page, a_picture, check_size
@@ -31,12 +31,13 @@ CAPTION_HEIGHT, GAP = 44, 4
 """Of a scene's caption, and between two scenes [pixels]."""
 
 _PAGE = page_template(
-    """html, body { margin: 0; height: 100%; background: #ffffff; font: 15px/20px system-ui, "DejaVu Sans", sans-serif; }
+    system_colors()
+    + """html, body { margin: 0; height: 100%; background: var(--halo); font: 15px/20px system-ui, "DejaVu Sans", sans-serif; }
 main { display: grid; grid-template-columns: repeat($columns, minmax(0, 1fr)); gap: ${gap}px; height: 100%; }
 main { grid-template-rows: repeat($rows, minmax(0, 1fr)); }
 figure { margin: 0; display: flex; flex-direction: column; min-height: 0; }
 iframe { flex: 1; min-height: 0; width: 100%; border: 0; }
-figcaption { height: ${caption}px; line-height: ${caption}px; padding: 0 16px; background: #eef2f5; color: #1f2933; }
+figcaption { height: ${caption}px; line-height: ${caption}px; padding: 0 16px; background: var(--pressed); color: var(--ink); }
 figcaption { white-space: nowrap; overflow: hidden; text-overflow: ellipsis; font-weight: 600; flex: none; }""",
     """<main id="meshcat-pane">
 $figures

@@ -117,6 +117,13 @@ def test_disks_have_the_modes_of_the_points(page: Path) -> None:
     assert np.array_equal(unpacked(disks["normals"]).reshape(-1, 3), np.tile([0, 0, 1], (4 * N, 1)))
 
 
+def test_disks_are_filled_by_the_share_of_friction(page: Path) -> None:
+    """Sliding uses all, halved forces half; full too where friction is not known, and where nothing touches."""
+    used = unpacked(told(page)["contacts"][0]["disks"]["used"], "u1").reshape(N, 4)
+    assert set(used[:11].ravel().tolist()) == {255}
+    assert set(used[11].tolist()) == {round(0.5 * 255)}
+
+
 def test_each_cause_has_a_lane_and_a_row(report: AuditReport, page: Path) -> None:
     """Lanes as long as the cause, a mark at its worst frame, a row of the card that goes there; why there is no answer."""
     motion = told(page)
@@ -196,25 +203,26 @@ def test_two_engines_are_beside_each_other(tmp_path: Path) -> None:
 
 
 def test_the_browser_shows_disks_and_goes_to_worst_frames(report: AuditReport, page: Path) -> None:
-    """A click on a row of the card; a disk of a slipping point is yellow, of a creeping one red.
+    """A click on a row of the card; a disk of a slipping point is yellow, of a creeping one red and half full.
 
     The page opens at the worst frame, but a camera that follows goes with the robot from where the first frame has it.
     """
     if find_browser() is None:
         pytest.skip("no Chromium on this machine")
     ask = """(() => {
-        const {player} = stage, {tracks} = player.cast, {disk} = tracks[0].dots[0];
-        const color = () => '#' + disk.children[0].material.color.getHexString();
+        const {player} = stage, {tracks} = player.cast, {disk, inner} = tracks[0].dots[0];
+        const color = () => '#' + (inner.visible ? inner : disk).children[0].material.color.getHexString();
         const buttons = [...document.querySelectorAll('#legend .card button')];
         buttons.find((each) => each.textContent === 'creeps').click();
-        const from = player.cast.start, crept = [player.t, color()];
+        const from = player.cast.start, crept = [player.t, color(), inner.visible ? inner.scale.x ** 2 : 1];
         player.go(0);
         return {from, crept, slid: color(), flat: disk.position.z, aside: tracks[1].big.node.parent.position.length()};
     })()"""
     with Browser() as browser, browser.open(page, width=800, height=600) as shown:
         seen = shown.evaluate(ask)
     colors = list(POINT_COLORS.values())
-    assert seen["crept"] == [pytest.approx(report.record.t[report.worst("creeps", 1)[0]]), colors[CREEPS]]
+    crept = report.record.t[report.worst("creeps", 1)[0]]
+    assert seen["crept"] == [pytest.approx(crept), colors[CREEPS], pytest.approx(0.5, abs=1 / 255)]
     assert (seen["slid"], seen["flat"]) == (colors[SLIPS], 0.0)
     assert seen["aside"] > 0.0
     assert seen["from"] == pytest.approx([0.0, 0.0, 0.1], abs=SINGLE)

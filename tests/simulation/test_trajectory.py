@@ -256,7 +256,7 @@ def test_every_field_is_in_the_table_of_fields_or_has_a_form_of_its_own():
     names = [f.name for f in dataclasses.fields(Trajectory)]
     known = [*(c.name for c in COLUMNS), *WORDS]
     own = ["robot", "t", "forces", "points", "point_forces", "modes", "residuals", "events", "absent", "step", "elements"]
-    own += ["pushed", "terrains", "driven", "friction"]
+    own += ["pushed", "terrains", "driven", "friction", "planes"]
     assert sorted(names) == sorted(known + own)
 
 

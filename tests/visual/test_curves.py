@@ -117,8 +117,10 @@ def test_each_contact_has_its_normal_force_and_the_size_of_its_force(slide: rbd.
 
 
 def test_a_motion_tells_surfaces_that_it_does_not_draw(slide: rbd.Trajectory, run: rbd.Trajectory) -> None:
-    """A box on a slope touches it off z = 0; feet on the floor do not."""
-    assert frames_of(shown_motion(slide), [1]).left_out == ("Surfaces off the ground z = 0 are not drawn; there: face.",)
+    """A box on a slope that a file of an earlier version does not know touches it off z = 0; feet on the floor do not."""
+    unknown = rbd.Trajectory(**vars(slide) | {"planes": {}})
+    assert frames_of(shown_motion(unknown), [1]).left_out == ("Surfaces off the ground z = 0 are not drawn; there: face.",)
+    assert not frames_of(shown_motion(slide), [1]).left_out
     assert not frames_of(shown_motion(run), [1]).left_out
 
 
@@ -238,7 +240,7 @@ def test_curves_of_a_long_motion_take_little_room(run: rbd.Trajectory, tmp_path:
     n = 60_000
     again = np.arange(n) % len(run)
     fields = {k: v[again] if isinstance(v, np.ndarray) else v for k, v in vars(run).items()}
-    columns = {k: v for k, v in fields.items() if isinstance(v, dict) and k != "friction"}
+    columns = {k: v for k, v in fields.items() if isinstance(v, dict) and k not in ("friction", "planes")}
     fields |= {k: {a: b[again] for a, b in v.items()} for k, v in columns.items()}
     long = rbd.Trajectory(**{**fields, "t": np.arange(n) * 0.01, "events": ()})
     given = told(export_motion(long, tmp_path / "x.html", fps=1.0))["charts"]
@@ -263,6 +265,8 @@ def at_size(shown: BrowserPage, width: int, height: int) -> BrowserPage:
     shown.resize(width, height)
     shown.wait(f"window.innerWidth === {width}")
     shown.evaluate("stage.player.curves.chosen = stage.touched = false; stage.fit(); stage.toolbar.refresh()")
+    fits = "({ plot, node }) => node.hidden || !node.clientWidth || plot.width === plot.root.parentElement.clientWidth"
+    shown.wait(f"stage.player.curves.charts.every({fits})", seconds=20.0)  # charts follow their boxes a frame later
     return shown
 
 
@@ -368,8 +372,45 @@ def test_dragging_enlarges_and_the_pointer_reads(opened: BrowserPage, run: rbd.T
     shown.evaluate("stage.player.curves.whole.click()")
     assert shown.evaluate("stage.player.curves.charts[1].plot.scales.x.max") == pytest.approx(run.t[-1])
     assert shown.evaluate("stage.player.curves.whole.hidden") is True
-    shown.mouse("mouseMoved", 500, 300)
-    assert shown.evaluate("stage.player.curves.pointed") is None
+
+
+def test_fingers_enlarge_curves(opened: BrowserPage, run: rbd.Trajectory) -> None:
+    """One that drags across as the mouse does; two keep the times under them, in all charts; a tap goes to its time."""
+    shown, end = at_size(opened, 1200, 800), run.t[-1]
+    plot = "stage.player.curves.charts[{}].plot"
+
+    def shows(first: float, last: float, chart: int = 0) -> None:
+        """The chart shows these shares of the whole time, to a pixel and a half; fingers are told of at the next frame."""
+        off = f"Math.abs({{}}.scales.x.min - {first * end}) + Math.abs({{}}.scales.x.max - {last * end})"
+        shown.wait(f"{off.replace('{}', plot.format(chart))} < {1.5 * end / 250.0}", seconds=20.0)
+
+    def fingers(kind: str, chart: int, *shares: float) -> None:
+        shown.touch(kind, *[place(shown, chart, share) for share in shares])
+
+    shows(0.0, 1.0)
+    fingers("touchStart", 0, 0.2)
+    for share in (0.3, 0.6):
+        fingers("touchMove", 0, share)
+    over, marked = plot.format(0) + ".over.clientWidth", plot.format(0) + ".select.width"
+    shown.wait(f"Math.abs({marked} / {over} - 0.4) < 0.01")
+    shows(0.0, 1.0)
+    shown.touch("touchEnd")
+    for chart in range(4):
+        shows(0.2, 0.6, chart)
+    assert shown.evaluate(marked) == 0.0
+    # Two fingers 0.4 of the width apart go to 0.8 of it: half of the time is left, about what is between them.
+    fingers("touchStart", 1, 0.3, 0.7)
+    fingers("touchMove", 1, 0.1, 0.9)
+    shows(0.3, 0.5, 2)
+    fingers("touchMove", 1, 0.2, 1.0)  # shifted together
+    shows(0.28, 0.48, 2)
+    fingers("touchMove", 1, 0.45, 0.55)  # closed
+    shows(0.0, 1.0, 2)
+    shown.touch("touchEnd")
+    fingers("touchStart", 0, 0.5)
+    shown.touch("touchEnd")
+    shown.wait(f"Math.abs(stage.player.t - {0.5 * end}) < {end / 250.0}")
+    shows(0.0, 1.0)
 
 
 def test_the_panel_folds_and_charts_are_chosen(opened: BrowserPage) -> None:

@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.answers.analysis.contact_modes import modes_at_points
 from rbd.visual import export_motion
 from rbd.visual.marks.contacts import DISK, disk_marks, shown_forces
 from rbd.visual.pages.browser import Browser
@@ -114,6 +115,20 @@ def test_a_scene_has_the_disks_of_its_answer(face: rbd.SurfaceContact) -> None:
             around = np.linalg.norm(marks[1].points - marks[1].points.mean(axis=0), axis=1)
             share = 1.0 if used is None else used
             assert around == pytest.approx(DISK * scene.sizes.shaft * np.sqrt(share), rel=1e-5)
+
+
+def test_points_that_accelerate_along_the_ground_slip(face: rbd.SurfaceContact) -> None:
+    """A box that a push turns about one corner: that corner sticks within its cone, the three others slip on theirs."""
+    box = rbd.load_robot("urdf/box.urdf")
+    push = rbd.ExternalForce("box", (0.3 * box.mass * 9.81, 0.0, 0.0), offset=(0.0, 0.2, 0.3))
+    answer = rbd.solve(box.at([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]), [], [face], external=[push])
+    (contact,) = shown_forces(answer)
+    a = answer.a[:2] + answer.a[5] * np.column_stack([-contact.corners[:, 1], contact.corners[:, 0]])
+    speeds = np.linalg.norm(a, axis=1)
+    assert [mode for mode, _ in contact.points] == np.where(speeds > 1e-3, "slips", "sticks").tolist()
+    assert sorted(speeds > 1e-3) == [False, True, True, True]
+    assert all(used is not None and (mode == "sticks") == (used < 0.999) for mode, used in contact.points)
+    assert modes_at_points(answer) == {"face": tuple(mode for mode, _ in contact.points)}
 
 
 SIMULATED = {

@@ -132,6 +132,32 @@ def modes_of(answer: Answer) -> Modes:
     return modes
 
 
+IN_PICTURES = {"opens": "open", "yields": "slips", "presses": "pushes", "slides": "slips"}
+"""{mode: the word for it of trajectories and pictures}, where that is another one."""
+
+
+def modes_at_points(answer: Answer) -> dict[str, tuple[str, ...]]:
+    """{contact: mode of each of its points}: "open", "sticks", "slips", "holds" or "pushes", as of a trajectory.
+
+    Contacts whose points are not known are left out, and all of them where a solver gave no weights of its forces.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    if answer.weights is None or answer.problem.bilateral:
+        return found
+    words = modes_of(answer).words
+    for number, rows in enumerate(answer.problem.rows):
+        own = [(e, word, e.at_points) for e, word in words.items() if e.rows == number]
+        if rows.patch is None or not own or any(at is None for _, _, at in own):
+            continue
+        at_point: list[list[str]] = [[] for _ in rows.patch.corners]
+        for _, word, at in own:
+            assert at is not None
+            for i in np.flatnonzero(np.abs(at).reshape(len(at) // 3, -1).any(axis=1)).tolist():
+                at_point[i].append(IN_PICTURES.get(word, word))
+        found[rows.name] = tuple(["slips" if "slips" in some else (some or ["open"])[0] for some in at_point])
+    return found
+
+
 def _weight(modes: Modes, element: Element, j: int, still: float, unit: float) -> str:
     """A line, a ray or an interval."""
     low, high = modes.sets.lower[j], modes.sets.upper[j]

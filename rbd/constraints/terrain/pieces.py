@@ -28,6 +28,8 @@ LEAST_M = 1e-6
 """Treads, and cells of a grid of heights, are at least this wide [m]."""
 OVERLAPS_M = 1e-6
 """Pieces that are deeper in each other overlap; less is rounding [m]."""
+AT_EDGE_M = 1e-3
+"""A point this near to two faces is at their edge [m]."""
 BELOW_M = 1.0
 """The base of prisms of a grid of heights is this far below its lowest point [m]."""
 CORNER, CROSSING, UNDER, OTHER = 0, 1, 2, 3
@@ -125,6 +127,20 @@ class Piece:
     def depths(self, points: Array) -> Array:
         """The largest N x - d of points (..., 3): minus the depth inside [m]; outside no more than the distance."""
         return np.asarray((points @ self.faces[:, :3].T - self.faces[:, 3]).max(axis=-1))
+
+    def face_at(self, points: Array, along: Array) -> tuple[Array, Array]:
+        """(distance of each point from the surface, or less outside, shape (k,) [m]; outward normal of its face there, (k, 3)).
+
+        Of the faces within a millimetre of the nearest, as at an edge, the one whose normal goes best with a direction.
+
+        Args:
+            points: In W, shape (k, 3) [m].
+            along: A direction for each, as the force there, shape (k, 3).
+        """
+        off = points @ self.faces[:, :3].T - self.faces[:, 3]
+        depth = off.max(axis=1)
+        fits = np.where(off >= depth[:, None] - AT_EDGE_M, along @ self.faces[:, :3].T, -np.inf)
+        return np.abs(depth), self.faces[fits.argmax(axis=1), :3]
 
     def tops(self, xy: Array) -> Array:
         """Height of its upper side at places (..., 2) [m]; -inf beside it."""
@@ -336,6 +352,16 @@ class Heights:
 
     def tops(self, xy: Array) -> Array:
         """Height of the surface at places (..., 2) [m]; -inf beside the grid."""
+        return self._slopes(xy)[0]
+
+    def face_at(self, points: Array, along: Array) -> tuple[Array, Array]:
+        """As of `Piece`: distances along z, inf beside the grid, and the normal of the triangle under or over each point."""
+        tops, slopes = self._slopes(points[:, :2])
+        normals = np.column_stack([-slopes / self.spacing, np.ones(len(along))])
+        return np.abs(points[:, 2] - tops), normals / np.linalg.norm(normals, axis=1)[:, None]
+
+    def _slopes(self, xy: Array) -> tuple[Array, Array]:
+        """(heights at places (..., 2) [m], -inf beside the grid; how much they rise to the next row and column, (..., 2))."""
         at = (xy - self.origin) / self.spacing
         ends = np.array(self.z.shape) - 1
         beside = ((at < -1e-9) | (at > ends + 1e-9)).any(axis=-1) | ~np.isfinite(at).all(axis=-1)
@@ -343,7 +369,8 @@ class Heights:
         i, j = (np.clip(np.floor(at[..., c]).astype(int), 0, ends[c] - 1) for c in (0, 1))
         s, t = at[..., 0] - i, at[..., 1] - j
         a, b, c, d = self.z[i, j], self.z[i + 1, j], self.z[i + 1, j + 1], self.z[i, j + 1]
-        return np.where(beside, -np.inf, np.where(s >= t, a + s * (b - a) + t * (c - b), a + t * (d - a) + s * (c - d)))
+        ds, dt = np.where(s >= t, b - a, c - d), np.where(s >= t, c - b, d - a)
+        return np.where(beside, -np.inf, a + s * ds + t * dt), np.stack([ds, dt], axis=-1)
 
 
 class Polytopes(NamedTuple):

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.answers.analysis.contact_modes import modes_at_points
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.model.world import LEAST_FALL, STANDARD, along_gravity, is_along_z
-from rbd.problem.answer import ContactForce
+from rbd.problem.answer import Answer, ContactForce
 from rbd.problem.cones import Cone, FrictionCone, friction_used
 from rbd.problem.ground import Ground
 from rbd.visual.marks import primitives
 from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
-from rbd.visual.marks.shown_force import ShownForce, force_marks
+from rbd.visual.marks.shown_force import NOWHERE, PointMode, ShownForce, force_marks
 from rbd.visual.style import COM_COLOR, MODE_COLORS, SUPPORT_COLOR
 
 if TYPE_CHECKING:
@@ -26,10 +27,6 @@ if TYPE_CHECKING:
 
 # How far outside its patch rounding may put a centre of pressure.
 SLACK_M = 1e-6
-RESTS = 1e-6
-"""A contact whose velocities and accelerations are no larger does not move [m/s, m/s2, rad/s, rad/s2]."""
-AT_LIMIT = 1.0 - 1e-6
-"""Share of friction from which on a point that moves slips."""
 DISK, DISK_CORNERS = 4.2, 28
 """Radius of a disk at a point, in radii of an arrow's shaft, and corners of its outline; as in web/animation.js."""
 
@@ -63,12 +60,14 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
     """Force of every contact of a solution; constraints without a patch, or without points in touch, are left out."""
     out = []
     forces: Mapping[str, Array] = solution.forces
+    modes = modes_at_points(solution) if isinstance(solution, Answer) else {}
     for rows in rows_of(solution):
         patch = rows.patch
         if patch is None or not len(patch.corners) or rows.name not in forces:
             continue
         wrench = np.asarray(forces[rows.name], float)
         start, contact = acting_point(patch, wrench), ContactForce.of(patch, wrench)
+        at_corners = np.asarray(solution.corner_forces.get(rows.name, NOWHERE), float).reshape(-1, 3)
         against = [f"against {patch.against}"] if patch.against is not None else []
         friction = _friction(patch, contact.friction_used)
         out.append(
@@ -81,9 +80,9 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
                 ", ".join([*against, f"normal {number(contact.normal)} N", *friction]),
                 against=patch.against or "",
                 corners=patch.corners_W,
-                corner_forces=np.asarray(solution.corner_forces.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3),
+                corner_forces=at_corners,
                 patch=patch,
-                points=_points(rows, patch, solution),
+                points=_points(rows, patch, at_corners, modes),
                 friction_used=contact.friction_used,
                 further=(f"normal {number(contact.normal)} N, tangential {number(contact.tangential)} N", *friction),
             )
@@ -91,18 +90,14 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
     return out
 
 
-def _points(rows: Rows, patch: Patch, solution: Solution | Actuation) -> tuple[tuple[str, float | None], ...]:
-    """(mode, share of friction used) of each corner whose force is known; one at its limit slips only if the contact moves."""
-    a, found = getattr(solution, "a", None), list[tuple[str, float | None]]()
-    moves = a is not None and max(np.abs(rows.velocity).max(), np.abs(rows.J @ a + rows.bias).max()) > RESTS
-    for force in np.asarray(solution.corner_forces.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3) @ patch.axes:
-        if not np.linalg.norm(force) > 0.0:
-            found.append(("open", None))
-        elif not patch.friction:
-            found.append(("holds" if patch.friction is None else "pushes", None))
-        else:
-            used = friction_used(patch.friction, force) if force[2] > 0.0 and patch.turned is None else None
-            found.append(("slips" if moves and used is not None and used > AT_LIMIT else "sticks", used))
+def _points(rows: Rows, patch: Patch, forces: Array, modes: Mapping[str, Sequence[str]]) -> tuple[PointMode, ...]:
+    """(mode, share of friction used) of each corner with a force; at rest where its mode is not known."""
+    at_rest = "holds" if patch.friction is None else "sticks" if patch.friction else "pushes"
+    words, found = modes.get(rows.name, (at_rest,) * len(forces)), list[PointMode]()
+    for word, force in zip(words, forces @ patch.axes, strict=True):
+        known = patch.friction and force[2] > 0.0 and patch.turned is None
+        used = friction_used(patch.friction, force) if known and patch.friction else None
+        found.append((word, used) if force.any() else ("open", None))
     return tuple(found)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 LISTED = 8
 """Forces at single points that a label tells."""
 NOWHERE = np.zeros((0, 3))
+PointMode: TypeAlias = tuple[str, float | None]
+"""Mode of a point, and the share of its friction that is used; None where it has none to use."""
 ROUNDING = 1e-6
 """Smaller moments are rounding [N m]."""
 
@@ -62,7 +64,7 @@ class ShownForce:
     corners: Array = field(default_factory=NOWHERE.copy)
     corner_forces: Array = field(default_factory=NOWHERE.copy)
     patch: Patch | None = None
-    points: tuple[tuple[str, float | None], ...] = ()
+    points: tuple[PointMode, ...] = ()
     friction_used: float | None = None
     further: tuple[str, ...] = ()
     many: str = ""

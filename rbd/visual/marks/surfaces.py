@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -52,6 +52,29 @@ class ShownSurface:
     twist: Array = field(default_factory=lambda: np.zeros(6))
     about: Array = field(default_factory=lambda: np.zeros(3))
     body: str = ""
+
+    @classmethod
+    def of(cls, name: str, plane: Ground, corners: Array, ground: Ground | None = None, body: str = "") -> ShownSurface:
+        """The plane of a contact, around its corners.
+
+        Args:
+            name: Of the contact.
+            plane: Where it is.
+            corners: Near to it, in W, shape (k, 3) [m].
+            ground: With the velocity of its surface, where that is known.
+            body: Frame of the body of the robot that it belongs to.
+        """
+        twist, about, normal = np.zeros(6), corners.mean(axis=0), np.asarray(plane.normal, float)
+        if ground is not None and ground.velocity is not None:
+            twist = np.asarray(ground.velocity, float)
+            about = about if ground.about is None else np.asarray(ground.about, float)
+        on_it = corners - np.outer((corners - np.asarray(plane.point)) @ normal, normal)
+        return cls((name,), on_it.mean(axis=0), normal, on_it, twist, about, body)
+
+    def moved(self, shift: Sequence[float] | Array) -> ShownSurface:
+        """The same elsewhere, by a shift in W, shape (3,) [m]."""
+        by = np.asarray(shift, float)
+        return replace(self, point=self.point + by, corners=self.corners + by, about=self.about + by)
 
     @property
     def moves(self) -> bool:
@@ -117,16 +140,39 @@ def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint])
         patch, on = contact.patch, member(given.get(contact.name), "on")
         if patch is None or isinstance(on, Terrain):  # which is drawn whole
             continue
-        plane, twist, about = plane_of(contact), np.zeros(6), contact.corners.mean(axis=0)
         ground = on if isinstance(on, Ground) and on.motion is None else patch.on
-        if ground is not None and ground.velocity is not None:
-            twist = np.asarray(ground.velocity, float)
-            about = about if ground.about is None else np.asarray(ground.about, float)
-        normal = np.asarray(plane.normal, float)
-        off = (contact.corners - np.asarray(plane.point)) @ normal
-        corners = contact.corners - np.outer(off, normal)  # on the plane itself
-        one = ShownSurface((contact.name,), corners.mean(axis=0), normal, corners, twist, about, contact.against)
-        if not one.moves and not one.body and normal[2] > 1.0 - SAME_AXIS and abs(float(one.point[2])) < SAME_M:
+        found.append(ShownSurface.of(contact.name, plane_of(contact), contact.corners, ground, contact.against))
+    return each_once(found)
+
+
+def surfaces_of_planes(
+    planes: Mapping[str, Ground], points: Mapping[str, Array], forces: Mapping[str, Array]
+) -> list[ShownSurface]:
+    """The planes that contacts touch during a motion, each once, around where they push; not the floor.
+
+    A plane on which nothing pushes is drawn where a point comes nearest to it.
+
+    Args:
+        planes: {contact: its plane}.
+        points: {contact: its points in W, shape (n, k, 3) [m]}; NaN where there is none.
+        forces: {contact: forces at them, shape (n, k, 3) [N]}.
+    """
+    found = []
+    for name, plane in planes.items():
+        P = points[name].reshape(-1, 3) if name in points else np.zeros((0, 3))
+        there = np.isfinite(P).all(axis=1)
+        loaded = there & (np.linalg.norm(forces[name].reshape(-1, 3), axis=1) > 0.0) if len(P) else there
+        if there.any():
+            nearest = np.nanargmin(np.where(there, np.abs(plane.distances(np.nan_to_num(P))), np.inf))
+            found.append(ShownSurface.of(name, plane, P[loaded] if loaded.any() else P[[nearest]], plane))
+    return each_once(found)
+
+
+def each_once(surfaces: Iterable[ShownSurface]) -> list[ShownSurface]:
+    """Those that are the same plane as one; without the level ground at rest at z = 0, which is drawn as the floor."""
+    found: list[ShownSurface] = []
+    for one in surfaces:
+        if not one.moves and not one.body and one.normal[2] > 1.0 - SAME_AXIS and abs(float(one.point[2])) < SAME_M:
             continue
         for i, other in enumerate(found):
             if (both := other.joined(one)) is not None:

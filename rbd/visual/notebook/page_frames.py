@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 import tempfile
+import zlib
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -18,7 +20,7 @@ from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.pages.browser import Browser, find_browser
-from rbd.visual.pages.page import photograph
+from rbd.visual.pages.page import LEVEL, photograph
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_path, check_there
@@ -28,8 +30,15 @@ WIDTH, HEIGHT = 860, 420
 """Size of a picture, in pixels; a frame is as wide as the notebook."""
 LEAST, MOST = 120, 4000
 NO_PICTURE = "No Chromium was found on this machine, so there is no picture for viewers without scripts."
-# Without scripts the frame's page is empty: it lets the picture behind it through.
-_LETS_THROUGH = "<noscript><style>body{background:none}</style></noscript></head>"
+POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy" content="[^"]*">')
+# It is empty until it is unpacked, and without scripts: it lets the picture behind it through.
+_PACKED = """<!DOCTYPE html>
+<html><head><meta charset="utf-8">{policy}</head><body><script>
+const packed = Uint8Array.from(atob("{data}"), (letter) => letter.charCodeAt(0));
+const text = new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"))).text();
+text.then((page) => { document.open(); document.write(page); document.close(); });
+</script></body></html>
+"""
 _pictures: WeakKeyDictionary[Scene | Terrain, tuple[int, bytes]] = WeakKeyDictionary()
 
 
@@ -132,7 +141,8 @@ def page_frame(shown: Scene | Terrain, page: str, name: str) -> str:
 def frame_html(page: str, picture: bytes, title: str, height: int) -> str:
     """A frame with a page, or its picture alone, as HTML.
 
-    The page is in a sandbox: it runs its own scripts, and reaches neither the notebook nor the network.
+    The page is in a sandbox: it runs its own scripts, and reaches neither the notebook nor the network. Frames of one notebook
+    cannot share the viewer, 0.3 MB of each: no frame may read another, and scripts of the notebook itself are taken out of it.
 
     Args:
         page: The page; empty for the picture alone.
@@ -148,10 +158,17 @@ def frame_html(page: str, picture: bytes, title: str, height: int) -> str:
         image = f'<img src="{source}" alt="{name}, drawn with its forces" style="{style}">'
     if not page:
         return f"<div>{image}</div>"
-    text = html.escape(page.replace("</head>", _LETS_THROUGH, 1))
+    text = html.escape(packed_page(page))
     frame = f'<iframe srcdoc="{text}" sandbox="allow-scripts" title="{name}" style="{fill};border:0"></iframe>'
     note = "" if picture else f"<p>{NO_PICTURE}</p>"
     return f'<div style="position:relative;max-width:64em;height:{height}px;overflow:hidden">{image}{frame}</div>{note}'
+
+
+def packed_page(page: str) -> str:
+    """A page as one deflated block, which it unpacks under the page's own policy: a quarter smaller, without the quotes."""
+    policy = POLICY.search(page)
+    data = base64.b64encode(zlib.compress(page.encode(), LEVEL)).decode("ascii")
+    return _PACKED.replace("{policy}", policy[0] if policy else "").replace("{data}", data)
 
 
 def _picture(page: str, height: int, browser: Browser | None = None) -> bytes:

@@ -358,6 +358,7 @@ class BrowserPage(Closing):
             self.resize(width, height)
             for domain in ("Page", "Inspector", "Runtime"):
                 self._call(f"{domain}.enable")
+            self.prefer("light")  # pictures are the same whatever this machine prefers
             if before:
                 self._call("Page.addScriptToEvaluateOnNewDocument", source=before)
             moved = self._call("Page.navigate", url=address)
@@ -408,6 +409,10 @@ class BrowserPage(Closing):
         """Change the size of the window, in pixels."""
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
+    def prefer(self, scheme: str) -> None:
+        """Tell the page that its reader's system is "dark" or "light"."""
+        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
     def mouse(self, kind: str, x: float, y: float, *, button: str = "none") -> None:
         """Send a mouse event: mouseMoved, mousePressed or mouseReleased, in pixels from the top left."""
         self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=int(button != "none"))
@@ -416,6 +421,11 @@ class BrowserPage(Closing):
         """Press and release the left button."""
         self.mouse("mousePressed", x, y, button="left")
         self.mouse("mouseReleased", x, y, button="left")
+
+    def touch(self, kind: str, *fingers: tuple[float, float]) -> None:
+        """Send a touch event: touchStart, touchMove or touchEnd, with the fingers then down, in pixels from the top left."""
+        points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(fingers)]
+        self._call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
     def key(self, key: str) -> None:
         """Press and release a key, as "t" or "ArrowLeft"."""

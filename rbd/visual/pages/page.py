@@ -30,6 +30,19 @@ _POLICY = (
     "img-src data: blob:; worker-src blob:; connect-src {connect}"
 )
 
+@cache
+def text_of(package: str, path: str) -> str:
+    """A text file of a package."""
+    return files(package).joinpath(path).read_text(encoding="utf-8")
+
+
+@cache
+def system_colors() -> str:
+    """The colours of pages by what they are for, as a style: dark where the reader's system is."""
+    text = text_of("rbd.visual.pages", "web/colors.css").rstrip()
+    return text.replace(':root[data-theme="dark"] {', "@media (prefers-color-scheme: dark) { :root {") + " }\n"
+
+
 ONLY_ITSELF = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
 """Policy of a page without requests, whose scripts and styles are its own."""
 
@@ -74,14 +87,14 @@ $start
     policy="$policy",
 )
 SCRIPTS = (
-    *("stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
+    *("theme.js", "stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
     *("views.js", "gauges.js", "toolbar.js"),
     *("support.js", "force_elements.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
     *("live.js", "controls.js", "backdrop.js", "verify.js"),
 )
 LEVEL = 6
 """Of zlib: level 9 takes four times as long, for a hundredth less."""
-STYLES = ("stage.css", "toolbar.css", "uplot/uPlot.min.css", "animation.css", "controls.css")
+STYLES = ("colors.css", "stage.css", "toolbar.css", "uplot/uPlot.min.css", "animation.css", "controls.css")
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:
@@ -156,12 +169,6 @@ def _library() -> tuple[int, str]:
 
 def _deflated(data: bytes) -> str:
     return base64.b64encode(zlib.compress(data, LEVEL)).decode("ascii")
-
-
-@cache
-def text_of(package: str, path: str) -> str:
-    """A text file of a package."""
-    return files(package).joinpath(path).read_text(encoding="utf-8")
 
 
 def screenshot(

@@ -24,6 +24,7 @@ from rbd.motion.report import MotionReport
 from rbd.planning import Plan
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import Drawn, footprints_of, legend_of
+from rbd.visual.marks.surfaces import surface_entries
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.audit_motion import shown_audit, shown_comparison
@@ -191,9 +192,11 @@ def export_motion(
     (slerp). An arrow's length is the force times one scale for the whole motion, stated in the legend; what is longer than the
     robot is cut, and has two heads. The support polygon is the hull of the points that carry load. A disk at each point of a
     trajectory has the colour of its mode (open, sticks, slips, impact), filled by the share of friction used, where the
-    contact's normal is known. Above the bar each contact has a lane: filled while it touches, striped while it slips, with a
+    contact's normal is known: on planes that stay, on terrain, of soles. Slopes, walls and tables of these planes are drawn as
+    pieces around the contacts. Above the bar each contact has a lane: filled while it touches, striped while it slips, with a
     mark at each event. Beside the robot, in narrow windows below it, are charts over time with a line at the present; a click
-    on one goes to that time, dragging across enlarges what is between, in all charts, and the pointer reads values. Keys: space
+    on one goes to that time, dragging across (or two fingers) enlarges what is between, in all charts, and the pointer reads
+    values. The page is dark where the reader's system is; the key d turns that. Keys: space
     plays, left and right step (shift: ten frames), up and down change the speed, page up and page down go from event to event,
     f follows the robot, c folds the charts. `x.html#t=0.5` opens at 0.5 s.
 
@@ -304,13 +307,13 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         "trace": bool(given.trace),
         "playing": bool(given.playing),
         "charts": described(times, charts) if charts else None,
-        "named": legend_of([*given_regions, *planned[-1:]]),
+        "named": legend_of([*given_regions, *planned[-1:]]) + [(n, c) for n, c, _ in surface_entries(page.surfaces)],
         "card": None if shown.card is None else asdict(shown.card),
         "spans": [{"path": path, "from": a, "to": b} for path, (a, b) in zip(paths, spans, strict=True)],
     }
     if sheet is not None:
         settings["sheet"] = sheet
-    scene.stand_on(*page.terrains)
+    scene.stand_on(*page.terrains, *page.surfaces)
     scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
     if drawn or planned:
         scene.draw(*drawn, *planned)

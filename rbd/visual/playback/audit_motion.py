@@ -18,11 +18,13 @@ from rbd.audits.body_pairs import BodyPairs
 from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, rotated
+from rbd.problem.ground import Ground
 from rbd.records import counted
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
+from rbd.visual.marks.surfaces import ShownSurface, each_once
 from rbd.visual.playback.curves import FINE, Choice, CurveChart, CurveLine, chart, top_of
-from rbd.visual.playback.mode_disks import Disks
+from rbd.visual.playback.mode_disks import OFF_GROUND, Disks
 from rbd.visual.playback.motion_frames import MOST_NUMBERS, body_poses
 from rbd.visual.playback.report_motion import YES, WorstFrame
 from rbd.visual.playback.shown_motion import Card, CardRow, ShownMotion, Track
@@ -44,6 +46,8 @@ LAW_COLOR = PUSH_COLOR
 SEEN_FROM = (1.0, 0.28, 0.34)
 """Of two motions beside each other: neither hides the other."""
 NO_ANSWER, NO_ANSWER_COLOR = "no answer of the law", "#7f7f7f"
+MOST_PLANES, LEVEL = 12, 1e-4
+"""Planes off the floor that are drawn of an audit at most; less than this from 1 is the cosine between normals of one plane."""
 MOST_PLACES, SHARE, LEAST = 16, 0.2, 0.01
 """A point farther than this share of a contact's extent, and this length [m], from others is a new one; of so many at most."""
 
@@ -84,7 +88,8 @@ def shown_audit(report: AuditReport, solved: int = MOST_SOLVED) -> ShownMotion:
     shown = ShownMotion(
         report, robot, t, record.q[every], record.v[every],
         f"{record.engine or robot.name}: {good} of {record.n} frames without a cause", points, forces, modes, tuple(events),
-        lanes=lanes, pushes=(*by_law, *_others(report, every)), name=record.engine, disks=disks, notes=law.notes,
+        lanes=lanes, pushes=(*by_law, *_others(report, every)), name=record.engine, disks=disks,
+        surfaces=_surfaces(report, pairs), notes=law.notes,
         at=t[_thinned(report, min(MOST_FRAMES, MOST_NUMBERS // width))] if record.n > 1 else t,
         card=Card("".join([x.text for x in report.explanations[:1]]), tuple(rows), (head, *lines)),
         defaults={"trace": False, "footprints": False, "start": rows[0].t if rows else float(t[0])},
@@ -101,18 +106,35 @@ def _contacts(
 ) -> tuple[_Columns, _Columns, dict[str, Disks], list[Track]]:
     """(points, the engine's forces, disks) of each pair of bodies that touch, that of most load first; the law's forces."""
     record, points, forces, disks, by_law = report.record, _Columns(), _Columns(), dict[str, Disks](), list[Track]()
-    places, codes = _Places.of(record, pairs), _codes(report)
+    places, codes, shares = _Places.of(record, pairs), _codes(report), report.laws.share
     loads = np.bincount(pairs.of, np.linalg.norm(record.forces, axis=1), len(pairs.names))
     for p in largest_first(loads).tolist():
         name = pairs.names[p]
         points[name] = places.spread(p, record.points, np.nan)[every]
         forces[name] = places.spread(p, pairs.signs[:, None] * record.forces, 0.0)[every]
         modes = places.spread(p, codes[:, None], 0)[every, :, 0].astype(int)
-        disks[name] = Disks(POINT_COLORS, modes, places.spread(p, record.normals, 0.0)[every], np.full(modes.shape, np.nan))
+        used = np.where(modes > 0, np.minimum(places.spread(p, shares[:, None], np.nan)[every, :, 0], 1.0), np.nan)
+        disks[name] = Disks(POINT_COLORS, modes, places.spread(p, record.normals, 0.0)[every], used)
         if len(law.frames):
             f = np.where(np.isnan(points[name]), 0.0, law.between(places.spread(p, law.forces, 0.0), 0.0)[every])
             by_law.append(Track(f"{name}, by the law", points[name], f, LAW_COLOR, aside=True))
     return points, forces, disks, by_law
+
+
+def _surfaces(report: AuditReport, pairs: BodyPairs) -> tuple[ShownSurface, ...]:
+    """The planes of the world that carry load off the floor z = 0, those of most load first, up to `MOST_PLANES`."""
+    record, of_world = report.record, pairs.joints[pairs.of, 1] == 0
+    points, normals, load = record.points, pairs.signs[:, None] * record.normals, np.linalg.norm(record.forces, axis=1)
+    floor = (np.abs(points[:, 2]) <= OFF_GROUND) & (normals[:, 2] > 1.0 - LEVEL)
+    left, found = of_world & (load > 0.0) & ~floor, list[ShownSurface]()
+    while left.any() and len(found) < MOST_PLANES:
+        i = int(np.where(left, load, 0.0).argmax())
+        near = np.abs((points - points[i]) @ normals[i]) <= OFF_GROUND
+        own = left & near & (normals @ normals[i] > 1.0 - LEVEL)
+        left &= ~own
+        plane = Ground(point=points[i], normal=normals[i] / np.linalg.norm(normals[i]))
+        found += [ShownSurface.of(pairs.names[p], plane, points[own & (pairs.of == p)]) for p in np.unique(pairs.of[own])]
+    return tuple(each_once(found))
 
 
 def shown_comparison(compared: EnginesCompared) -> ShownMotion:

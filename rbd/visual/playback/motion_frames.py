@@ -176,13 +176,17 @@ def _without_points(shown: ShownMotion) -> list[str]:
 
 
 def _without_surfaces(shown: ShownMotion) -> list[str]:
-    """Which contacts carry load off the ground z = 0 and off terrain, in words: walls, slopes and tables are not recorded."""
+    """Which contacts carry load where no ground is drawn, in words: on other bodies, and on planes that are not known."""
     loaded = {name: np.linalg.norm(f, axis=-1) > 0.0 for name, f in shown.point_forces.items()}
     heights = {name: np.where(loaded[name], np.asarray(points)[..., 2], 0.0) for name, points in shown.points.items()}
     for terrain in shown.terrains:
         for name, points in shown.points.items():
             at = loaded[name] & (np.abs(heights[name]) > OFF_GROUND)
             heights[name][at] = 0.0 if terrain.jump is not None else terrain.distances(np.asarray(points)[at])
+    for surface in shown.surfaces:
+        for name, points in shown.points.items():
+            off = np.abs((np.nan_to_num(points) - surface.point) @ surface.normal)
+            heights[name][loaded[name] & (off <= OFF_GROUND)] = 0.0
     names = [name for name, height in heights.items() if (np.abs(height) > OFF_GROUND).any()]
     return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
 

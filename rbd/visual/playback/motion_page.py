@@ -19,6 +19,7 @@ from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.other_constraints import DRIVE_COLOR, drive_mesh
 from rbd.visual.marks.picture import scale_note
 from rbd.visual.marks.shown_force import NOWHERE
+from rbd.visual.marks.surfaces import ShownSurface
 from rbd.visual.marks.terrain import TERRAIN_COLOR, ShownTerrain
 from rbd.visual.playback.curves import packed
 from rbd.visual.playback.mode_disks import Disks
@@ -258,6 +259,12 @@ class MotionPage:
         own = tuple(ShownTerrain.about(part, places, self.shift) for t in self.shown.terrains for part in t.apart())
         return own if self.second is None else own + self.second.terrains
 
+    @property
+    def surfaces(self) -> tuple[ShownSurface, ...]:
+        """The planes that contacts are on, where they are drawn."""
+        own = tuple(surface.moved(self.shift) for surface in self.shown.surfaces)
+        return own if self.second is None else own + self.second.surfaces
+
     def _floors(self) -> str:
         """Height of the terrain under the centre of mass at each frame, packed; empty where there is none."""
         com = self.frames.com
@@ -307,7 +314,7 @@ class MotionPage:
                 "color": colors[t.name],
                 "points": t.points.shape[1],
                 "supports": carries_weight(t.points, t.forces),
-                "normals": _normals(t),
+                "normals": _normals(t, self.shown.source),
                 "stretches": self._stretches(t.name),
                 "disks": _disks(frames.disks.get(t.name)),
             }
@@ -370,8 +377,11 @@ def _pose(X: pin.SE3) -> list[float]:
     return [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]
 
 
-def _normals(track: Track) -> str:
+def _normals(track: Track, source: Any) -> str:
     """The normals of a contact, packed, shape (n, 3), or (1, 3) where they stay the same; empty where they are not known."""
+    plane = getattr(source, "planes", {}).get(track.name)
+    if plane is not None and not plane.level:
+        return packed(np.asarray(plane.normal, float)[None])
     found = normals_of(track.points, track.forces)
     if found is None or not np.isfinite(found).all():
         return ""

@@ -15,6 +15,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import Event
+from rbd.visual.marks.surfaces import ShownSurface, surfaces_of_planes
 from rbd.visual.playback.curves import Choice, CurveChart
 from rbd.visual.playback.mode_disks import Disks, contact_disks
 from rbd.visual.playback.trajectory_charts import charts_of
@@ -108,6 +109,7 @@ class ShownMotion:
         name: What it is called beside another motion; empty: as its robot.
         at: Times of the pictures where no rate is asked for [s]; none: evenly.
         disks: {contact: the disks at its points}.
+        surfaces: Planes that contacts are on, other than the floor.
         card: What was found.
         notes: What the legend says of the picture.
 
@@ -135,6 +137,7 @@ class ShownMotion:
     name: str = ""
     at: Array = field(default_factory=lambda: np.zeros(0))
     disks: Mapping[str, Disks] = field(default_factory=dict)
+    surfaces: tuple[ShownSurface, ...] = ()
     card: Card | None = None
     notes: tuple[str, ...] = ()
 
@@ -168,7 +171,9 @@ class ShownMotion:
         if forces:
             friction = getattr(trajectory, "friction", {})
             args = (trajectory.points, trajectory.point_forces, trajectory.modes, friction, trajectory.events)
-            forces["disks"] = contact_disks(t, *args)
+            planes = getattr(trajectory, "planes", {})
+            forces["disks"] = contact_disks(t, *args, planes, terrains)
+            forces["surfaces"] = tuple(surfaces_of_planes(planes, trajectory.points, trajectory.point_forces))
         return cls(trajectory, robot, t, q, v, robot.name, charts=charts, terrains=terrains, driven=driven, **forces)
 
 

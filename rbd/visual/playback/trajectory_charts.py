@@ -102,7 +102,7 @@ def _forces(shown: Any) -> CurveChart | None:
     order = sorted(contacts, key=lambda name: -float(size[name].max()))
     lines = []
     for name in [name for name in contacts if name in order[:NAMED_CONTACTS]]:
-        normal = normals_of(shown.points[name], shown.point_forces[name])
+        normal = plane_normals(shown, name)
         along = contacts[name][:, 2] if normal is None else np.einsum("ij,ij->i", contacts[name], normal)
         lines += [
             CurveLine(f"{name} {'vertical' if normal is None else 'normal'}", colors[name], along),
@@ -253,6 +253,21 @@ _MAKERS: Mapping[str, Callable[[Any], CurveChart | None]] = {
     "speeds": _speeds,
     "height": _height,
 }
+
+
+def plane_normals(shown: Any, contact: str) -> Array | None:
+    """Unit normal of a contact at each time, shape (n, 3): of its slope or wall, where that stays; else as of `normals_of`.
+
+    Single points on level ground have none: charts and legends say "vertical" of them.
+
+    Args:
+        shown: With points, point_forces, and planes where they are known.
+        contact: Its name.
+    """
+    points, plane = np.asarray(shown.points[contact]), getattr(shown, "planes", {}).get(contact)
+    if plane is None or plane.level:
+        return normals_of(points, shown.point_forces[contact])
+    return np.tile(np.asarray(plane.normal, float), (len(points), 1))
 
 
 _IN_PLANE_M = 1e-3

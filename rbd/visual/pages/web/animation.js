@@ -33,12 +33,12 @@ class Arrow {
 // A shape in one colour that shines faintly through what hides it; it casts no shadow.
 function twice(geometry, color, opacity = 1, through = 0.5) {
   const T = MeshCat.THREE;
-  const glow = new T.Color(color).multiplyScalar(0.15);
-  const material = { color, emissive: glow, opacity, transparent: opacity < 1, depthWrite: opacity === 1 };
+  const material = { opacity, transparent: opacity < 1, depthWrite: opacity === 1 };
+  const lambert = (given) => theme.material(new T.MeshLambertMaterial(given), color, 0.15);
   const node = new T.Group();
-  node.add(new T.Mesh(geometry, new T.MeshLambertMaterial(material)));
+  node.add(new T.Mesh(geometry, lambert(material)));
   const ghost = { ...material, opacity: through * opacity, transparent: true, depthTest: false, depthWrite: false };
-  if (through) node.add(new T.Mesh(geometry, new T.MeshLambertMaterial(ghost)));
+  if (through) node.add(new T.Mesh(geometry, lambert(ghost)));
   return node;
 }
 
@@ -326,7 +326,7 @@ class Cast {
     inner.position.copy(disk.position);
     inner.quaternion.copy(disk.quaternion);
     inner.scale.set(Math.sqrt(share) || 1, Math.sqrt(share) || 1, 1);
-    const color = new T.Color(disks.colors[disks.codes[k]]), pale = color.clone().lerp(new T.Color("#ffffff"), 0.6);
+    const color = new T.Color(theme.shade(disks.colors[disks.codes[k]])), pale = color.clone().lerp(new T.Color(named("--halo")), 0.6);
     [[disk, share < 1 ? pale : color], [inner, color]].forEach(([each, look]) => each.children.forEach(({ material }) => {
       material.color.copy(look);
       material.emissive.copy(look).multiplyScalar(0.3);
@@ -357,7 +357,7 @@ class Cues {
     const normals = motion.contacts.some((c) => c.normals);
     const row = (name, color) => {
       const line = table.insertRow();
-      make("i", "", line.insertCell()).style.background = color || "none";
+      theme.paint(make("i", "", line.insertCell()), "background", color || "none");
       line.insertCell().textContent = name;
       const mode = line.insertCell(), normal = normals ? line.insertCell() : null, value = line.insertCell();
       mode.className = "mode";
@@ -387,7 +387,7 @@ class Cues {
       const seen = new Set(motion.contacts.flatMap((c) => (c.disks ? [...bytes(c.disks.codes)] : [])));
       disks.disks.modes.forEach((mode, i) => {
         if (!seen.has(i)) return;
-        make("i", "", cell).style.background = disks.disks.colors[i];
+        theme.paint(make("i", "", cell), "background", disks.disks.colors[i]);
         cell.append(`${mode} `);
       });
       if (motion.contacts.some((c) => c.disks && c.disks.used)) make("div", "", cell, "filled: share of the friction used");
@@ -397,7 +397,7 @@ class Cues {
     for (const [name, color] of motion.named || []) row(name, color);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
-      if (note) make("p", howToTurn(note), legend, note);
+      if (note) makeNote(legend, note);
     }
     this.happened = make("p", "happened", legend);
     this.happened.hidden = !(motion.events && motion.events.length);

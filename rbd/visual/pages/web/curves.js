@@ -1,8 +1,10 @@
 // Curves of a motion: charts over time, drawn by uPlot, with the present moment marked. A click goes to a time; dragging across
-// shows what is between, in all charts, and a double click everything. Beside the robot, in narrow windows below it. The panel
+// shows what is between, in all charts, and a double click everything; two fingers stretch and shift the time. Beside the robot, in narrow windows below it. The panel
 // folds, and a row of buttons chooses charts.
 const NARROW_WINDOW = 900, LOW = 480, CHART_HEIGHT = 114;  // pixels
-const POINTING = "Click: to that time. Drag across: enlarge.";
+const POINTING = FINGERS ? "Tap: to that time. Drag across, or two fingers: enlarge." : "Click: to that time. Drag across: enlarge.";
+const DRAGGED = 8, APART = 24;  // pixels: a finger that moved less taps; two that are nearer do not stretch
+const LEAST_SHARE = 1e-4;  // of the whole time, that fingers enlarge
 const AXIS_FONT = '10px system-ui, "DejaVu Sans", sans-serif';
 
 class Curves {
@@ -68,7 +70,8 @@ class Curves {
     });
     const shown = lines.map(({ name: what, color, values, width, motion }) => {
       const key = make("span", "", keys[motion]);
-      key.style.color = color;
+      theme.paint(key, "--given", color);
+      key.style.setProperty("--width", `${Math.max(1, Math.round(1.6 * width))}px`);
       return { name: what, color, width, numbers: floats(values), motion, key };
     }).sort((a, b) => a.motion - b.motion);
     for (const { name: what, value } of limits) make("span", "limit", keys[0], log ? `- - ${what}` : `- - ${what} ${inWords(value, log, top - low)}`);
@@ -76,8 +79,8 @@ class Curves {
     // A log axis has no zero: what is smaller than its foot is drawn there. What is no number is a gap.
     const drawn = (value) => (Number.isFinite(value) ? (log ? Math.max(value, low) : value) : null);
     const tables = this.times.map((times, i) => [Array.from(times), ...shown.filter(({ motion }) => motion === i).map(({ numbers }) => Array.from(numbers, drawn))]);
-    const straight = limits.map(({ value }) => ({ value, color: "#1f2933", dash: [4, 3] }));
-    if (low < 0 && top > 0) straight.push({ value: 0, color: "#9aa5b1", dash: [] });
+    const straight = limits.map(({ value }) => ({ value, color: "--ink", dash: [4, 3] }));
+    if (low < 0 && top > 0) straight.push({ value: 0, color: "--faint", dash: [] });
     made.plot = new uPlot({
       width: 300,
       height: CHART_HEIGHT,
@@ -96,7 +99,7 @@ class Curves {
       },
       axes: [axis("s", {}), axis("", log ? { splits: (_, i, from, to) => powers(from, to), filter: (_, splits) => splits } : { space: 22 })],
       series: [{}, ...shown.map(({ color, width, motion }) => (
-        { stroke: color, width, dash: motion ? [5, 2.5] : [], points: { show: false } }))],
+        { stroke: () => theme.shade(color), width, dash: motion ? [5, 2.5] : [], points: { show: false } }))],
       hooks: {
         drawAxes: [(plot) => straight.forEach((line) => rule(plot, line))],
         draw: [() => this.mark(made)],
@@ -111,6 +114,7 @@ class Curves {
     root.setAttribute("role", "img");
     root.setAttribute("aria-label", title);
     over.addEventListener("click", ({ clientX }) => go(made.plot.posToVal(clientX - over.getBoundingClientRect().left, "x")));
+    new Fingers(made.plot, this);
     made.now = make("div", "now", over);
     new ResizeObserver(() => {
       if (home.clientWidth) made.plot.setSize({ width: home.clientWidth, height: CHART_HEIGHT });
@@ -178,6 +182,11 @@ class Curves {
     }
   }
 
+  // In the colours of the page.
+  redraw() {
+    for (const { plot } of this.charts) plot.redraw(false);
+  }
+
   remove() {
     for (const { plot } of this.charts) plot.destroy();
     this.panel.remove();
@@ -198,14 +207,76 @@ class Curves {
   }
 }
 
+// Fingers on a chart: one that drags across marks what is enlarged, as the mouse does; the times under two stay under them.
+class Fingers {
+  constructor(plot, curves) {
+    Object.assign(this, { plot, curves, down: new Map(), stretched: false });
+    const on = (name, act) => plot.over.addEventListener(name, (event) => { if (event.pointerType === "touch") act(event); });
+    on("pointerdown", (event) => this.press(event));
+    on("pointermove", (event) => this.move(event));
+    on("pointerup", (event) => this.lift(event));
+    on("pointercancel", (event) => this.lift(event, true));
+  }
+
+  press(event) {
+    const x = this.at(event);
+    this.plot.over.setPointerCapture(event.pointerId);
+    for (const finger of this.down.values()) finger.t = this.plot.posToVal(finger.x, "x");
+    this.down.set(event.pointerId, { from: x, x, t: this.plot.posToVal(x, "x") });
+    if (this.down.size > 1) this.mark(0, 0);
+    this.stretched = this.down.size > 1;
+  }
+
+  move(event) {
+    const finger = this.down.get(event.pointerId);
+    if (!finger) return;
+    finger.x = this.at(event);
+    if (this.down.size === 2) this.stretch([...this.down.values()]);
+    else if (!this.stretched && Math.abs(finger.x - finger.from) > DRAGGED) {
+      this.mark(finger.from, finger.x);
+      this.curves.point(this.plot.posToVal(finger.x, "x"));
+    }
+  }
+
+  // The last finger ends it; of one that the browser takes to scroll nothing is enlarged.
+  lift(event, cancelled = false) {
+    const finger = this.down.get(event.pointerId);
+    this.down.delete(event.pointerId);
+    if (!finger || this.down.size) return;
+    this.curves.point(null);
+    this.mark(0, 0);
+    const [a, b] = [finger.from, finger.x].sort((one, other) => one - other);
+    if (!cancelled && !this.stretched && b - a > DRAGGED) this.curves.zoom(this.plot.posToVal(a, "x"), this.plot.posToVal(b, "x"));
+    this.stretched = false;
+  }
+
+  stretch([one, other]) {
+    if (Math.abs(one.x - other.x) < APART || one.t === other.t) return;
+    const { first, last } = this.curves, seconds = (other.t - one.t) / (other.x - one.x);  // per pixel
+    if (!(seconds > 0)) return;
+    const length = Math.min(last - first, Math.max(LEAST_SHARE * (last - first), seconds * this.plot.over.clientWidth));
+    const from = Math.min(last - length, Math.max(first, one.t - seconds * one.x));
+    this.curves.zoom(from, from + length);
+  }
+
+  at({ clientX }) {
+    return clientX - this.plot.over.getBoundingClientRect().left;
+  }
+
+  mark(from, to) {
+    const left = Math.max(0, Math.min(from, to)), right = Math.min(this.plot.over.clientWidth, Math.max(from, to));
+    this.plot.setSelect({ left, top: 0, width: right - left, height: right > left ? this.plot.over.clientHeight : 0 }, false);
+  }
+}
+
 // An axis with room for its longest number, sign and unit.
 function axis(unit, further) {
   return {
     font: AXIS_FONT,
-    stroke: "#5b6770",
+    stroke: () => named("--soft"),
     gap: 3,
-    ticks: { size: 3, stroke: "#cbd2d9", width: 1 },
-    grid: { stroke: "#e4e8ec", width: 1 },
+    ticks: { size: 3, stroke: () => named("--line"), width: 1 },
+    grid: { stroke: () => named("--grid"), width: 1 },
     values: (_, splits) => splits.map((value) => (unit ? `${onAxis(value)} ${unit}` : onAxis(value))),
     size: (plot, words, i, cycle) => {
       if (unit) return 18;
@@ -218,6 +289,11 @@ function axis(unit, further) {
     },
     ...further,
   };
+}
+
+// A colour of the page's style.
+function named(color) {
+  return getComputedStyle(document.documentElement).getPropertyValue(color).trim();
 }
 
 // A number at an axis, with its sign.
@@ -249,7 +325,7 @@ function rule({ ctx, bbox, scales, valToPos }, { value, color, dash }) {
   if (!(value >= scales.y.min && value <= scales.y.max)) return;
   const y = Math.round(valToPos(value, "y", true)) + 0.5;
   ctx.save();
-  ctx.strokeStyle = color;
+  ctx.strokeStyle = named(color);
   ctx.lineWidth = devicePixelRatio;
   ctx.setLineDash(dash.map((each) => each * devicePixelRatio));
   ctx.beginPath();

@@ -8,9 +8,11 @@ class Gauges {
     const svg = draw("svg", this.node, { width: 84, height: 84, viewBox: "-42 -42 84 84", role: "img", "aria-label": "World axes" });
     this.axes = AXES.map(([letter, color, axis]) => {
       const group = draw("g", svg, {});
-      const line = draw("line", group, { x1: 0, y1: 0, stroke: color, "stroke-width": 3, "stroke-linecap": "round" });
-      const text = draw("text", group, { fill: color, "text-anchor": "middle", "dominant-baseline": "central" });
+      const line = draw("line", group, { x1: 0, y1: 0, "stroke-width": 3, "stroke-linecap": "round" });
+      const text = draw("text", group, { "text-anchor": "middle", "dominant-baseline": "central" });
       text.textContent = letter;
+      theme.paint(line, "stroke", color);
+      theme.paint(text, "fill", color);
       return { group, line, text, axis };
     });
     this.bar = make("div", "scale", this.node);

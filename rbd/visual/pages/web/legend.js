@@ -1,4 +1,5 @@
 // The legend: a title that folds the rest, a row for each name, notes below.
+const FINGERS = window.matchMedia("(pointer: coarse)").matches;
 const FOLDS_BELOW = [500, 360];  // pixels across and down: the legend of a smaller window starts folded
 
 // A title with a button that folds what is below it; kept when the legend is written anew.
@@ -34,7 +35,7 @@ function writeCard(legend, { words, rows, lines }, go) {
   const table = make("table", "", card);
   for (const { name, color, count, size, t, words } of rows) {
     const line = table.insertRow();
-    make("i", "", line.insertCell()).style.background = color;
+    theme.paint(make("i", "", line.insertCell()), "background", color);
     const button = Object.assign(make("button", "", line.insertCell(), name), { type: "button", title: `${words}; largest at ${t.toPrecision(4)} s` });
     button.onclick = () => { go(t); button.blur(); };
     for (const text of [count, size]) make("span", "", Object.assign(line.insertCell(), { className: "value" }), text);
@@ -51,7 +52,7 @@ function writeLegend(stage, { title, entries, notes }) {
   const table = make("table", "");
   for (const entry of entries) {
     const rows = [table.insertRow()];
-    make("i", "", rows[0].insertCell()).style.background = entry.color;
+    theme.paint(make("i", "", rows[0].insertCell()), "background", entry.color);
     const name = rows[0].insertCell(), value = rows[0].insertCell();
     name.textContent = entry.name;
     value.className = "value";
@@ -71,7 +72,13 @@ function writeLegend(stage, { title, entries, notes }) {
     }
   }
   legend.append(table);
-  for (const line of notes) make("p", howToTurn(line), legend, line);
+  for (const line of notes) makeNote(legend, line);
+}
+
+// A note below a legend; on a screen that is touched it says how fingers turn the scene.
+function makeNote(legend, text) {
+  const turns = howToTurn(text);
+  make("p", turns, legend, turns && FINGERS ? "One finger turns, two zoom and shift." : text);
 }
 
 // The class of a note that says how to turn the scene: pictures and videos leave it out.

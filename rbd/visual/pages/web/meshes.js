@@ -76,7 +76,7 @@ class Meshes {
     const T = MeshCat.THREE;
     const path = header.path.split("/").filter((name) => name);
     const { color, opacity } = header;
-    const glass = { color, opacity, transparent: opacity < 1 };
+    const glass = { opacity, transparent: opacity < 1 };
     const add = (ending, material, shadows) => {
       const object = new T.Mesh(triangles, material);
       object.castShadow = object.receiveShadow = shadows;
@@ -87,12 +87,13 @@ class Meshes {
       const shine = { specular: 0x222222, shininess: 20, side: T.DoubleSide, depthWrite: opacity >= 0.5 };
       const { nearer } = header;
       const offset = nearer ? { polygonOffset: true, polygonOffsetFactor: -nearer, polygonOffsetUnits: -nearer } : {};
-      add("", new T.MeshPhongMaterial({ ...glass, ...shine, ...offset }), true);
+      const made = new T.MeshPhongMaterial({ ...glass, ...shine, ...offset, color });
+      add("", path.includes("marks") ? theme.material(made, color, 0, true) : made, true);
     } else {
-      const glow = { emissive: new T.Color(color).multiplyScalar(0.15), side: T.DoubleSide };
-      add("", new T.MeshLambertMaterial({ ...glass, ...glow, depthWrite: opacity === 1 }), false);
+      const lambert = (more) => theme.material(new T.MeshLambertMaterial({ ...glass, side: T.DoubleSide, ...more }), color, 0.15);
+      add("", lambert({ depthWrite: opacity === 1 }), false);
       const ghost = { opacity: 0.6 * opacity, transparent: true, depthTest: false, depthWrite: false };
-      if (header.through) add("_seen_through", new T.MeshLambertMaterial({ ...glass, ...glow, ...ghost }), false);
+      if (header.through) add("_seen_through", lambert(ghost), false);
     }
     this.viewer.set_dirty();
   }

@@ -49,7 +49,8 @@ class Stage {
     this.foot = 0;
     this.touched = false;
     this.carried = [0, 0, 0];
-    this.viewer.set_background([0.99, 0.99, 1.0], [0.86, 0.89, 0.92]);
+    theme.stage = this;
+    theme.apply();
     for (const event of ["pointerdown", "wheel", "touchstart"]) {
       pane.addEventListener(event, () => { this.touched = true; }, { passive: true });
     }
@@ -221,10 +222,10 @@ class Stage {
     group.add(sun, sun.target, fill, fill.target);
     if (view.cell > 0) {
       const cells = 2 * Math.ceil((3 * r) / view.cell);
-      const grid = new T.GridHelper(cells * view.cell, cells, 0x9aa5b1, 0xcbd2d9);
+      const grid = new T.GridHelper(cells * view.cell, cells, ...theme.look.grid);
       grid.rotateX(Math.PI / 2);
       grid.position.set(Math.round(x / view.cell) * view.cell, Math.round(y / view.cell) * view.cell, 0);
-      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22, depthWrite: false }));
+      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: theme.look.shadow, depthWrite: false }));
       floor.position.set(grid.position.x, grid.position.y, -0.001 * r);
       floor.receiveShadow = true;
       group.add(grid, floor);
@@ -233,6 +234,14 @@ class Stage {
     this.viewer.set_object(["Stage"], group);
     this.gauges.origin();
     this.viewer.set_dirty();
+  }
+
+  // Lamps and ground anew, where they stand.
+  relight() {
+    if (!this.lamps) return;
+    const at = this.lamps.position.clone();
+    this.light(this.view);
+    this.lamps.position.copy(at);
   }
 
   // Places the camera so that every fit point is on the free part of the screen, with a small margin.

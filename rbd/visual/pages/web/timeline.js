@@ -187,7 +187,7 @@ class Player {
   lanes(parent) {
     const percent = (t) => 100 * (t - this.first) / (this.last - this.first);
     const fill = (lane, kind, color, from, to) => {
-      Object.assign(make("div", kind, lane).style, { color, left: `${percent(from)}%`, width: `${percent(to) - percent(from)}%` });
+      Object.assign(theme.paint(make("div", kind, lane), "color", color).style, { left: `${percent(from)}%`, width: `${percent(to) - percent(from)}%` });
     };
     const hint = make("div", "hint", parent);
     hint.hidden = true;
@@ -214,7 +214,7 @@ class Player {
       const mark = make("button", "event", lane, GLYPHS[event.kind] || "●");
       mark.tabIndex = -1;
       mark.style.left = `${percent(event.t)}%`;
-      mark.style.color = color;
+      theme.paint(mark, "color", color);
       mark.setAttribute("aria-label", event.words.join("; "));
       mark.onclick = () => { this.go(event.t); mark.blur(); };
       mark.onpointerenter = () => {

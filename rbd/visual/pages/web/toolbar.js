@@ -15,6 +15,9 @@ class Toolbar {
     this.help = this.panels[1].node;
     this.help.setAttribute("role", "dialog");
     this.help.setAttribute("aria-label", "Help");
+    this.dark = make("button", "opener", this.row, "◐");
+    this.dark.type = "button";
+    this.dark.onclick = () => { this.darken(); this.dark.blur(); };
     this.boxes = new Map();
     this.opened = "";
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
@@ -71,7 +74,15 @@ class Toolbar {
     const box = curves && curves.getBoundingClientRect();
     const beside = box && box.width && box.top < 60 && box.right > window.innerWidth - 40 && box.left > 0.4 * window.innerWidth;
     this.node.style.right = `${beside ? window.innerWidth - box.left + 10 : 14}px`;
+    const other = theme.name === "dark" ? "Light" : "Dark";
+    this.dark.title = `${other} page (d)`;
+    this.dark.setAttribute("aria-label", `${other} page`);
     if (!this.layers.hidden) this.writeLayers();
+  }
+
+  darken() {
+    theme.toggle();
+    this.stage.views.keep();
   }
 
   writeLayers() {
@@ -102,7 +113,7 @@ class Toolbar {
     const { player } = this.stage;
     const rows = [
       ["drag", "turns the camera"], ["wheel", "zooms"], ["right button", "shifts"], ["point or tap", "names a mark or a body, with its numbers"],
-      ["0 1 2 3", "views: start, front, side, top"], ["l", "layers"], ["n", "labels on and off"], ["h", "folds the legend"], ["? Esc", "this help"],
+      ["0 1 2 3", "views: start, front, side, top"], ["l", "layers"], ["n", "labels on and off"], ["h", "folds the legend"], ["d", "dark or light page"], ["? Esc", "this help"],
       ...(player ? [
         ["space", "plays"], ["← →", "one frame, with shift ten"], ["↑ ↓", "speed"], ["PgUp PgDn", "from event to event"],
         ["Home End", "first and last frame"], ["f", "the camera follows the robot"],
@@ -129,6 +140,7 @@ class Toolbar {
     const actions = {
       n: () => this.show("labels", stage.layers.on.labels !== true),
       h: () => foldLegend(stage.legend),
+      d: () => this.darken(),
       Escape: () => { this.open(""); stage.labels.clear(); },
     };
     for (const { panel, key } of this.panels) actions[key] = () => this.open(this.opened === panel ? "" : panel);

@@ -21,7 +21,7 @@ class Video {
     this.paper = this.canvas.getContext("2d", { alpha: false, willReadFrequently: true });
     this.clock = document.createElement("div");
     this.clock.style.cssText = "position: absolute; right: 14px; bottom: 12px; padding: 3px 10px; border-radius: 6px; font-size: 15px;"
-      + "background: rgba(255, 255, 255, 0.86); border: 1px solid #d5dbe1; white-space: nowrap";
+      + "background: rgb(var(--panel) / 0.86); border: 1px solid var(--edge); white-space: nowrap";
     document.body.append(this.clock);
     this.painter = new Painter(this.paper);
     // Nobody can turn a video.

@@ -59,7 +59,7 @@ class Views {
 
   // Opens the page as the address says; what it does not name stays.
   open() {
-    const { view, camera, on, off, controls, follow } = Views.asked();
+    const { view, camera, on, off, controls, follow, theme: page } = Views.asked();
     const { layers, player } = this.stage;
     for (const [names, wanted] of [[on, true], [off, false]]) {
       for (const name of (names || "").split(",")) if (name in layers.on) layers.on[name] = wanted;
@@ -67,6 +67,7 @@ class Views {
     document.body.classList.toggle("bare", controls === "off");
     if (player && (follow === "on" || follow === "off" || view === "follow")) player.setFollow(follow !== "off");
     layers.apply();
+    if (page in LOOKS) theme.choose(page);
     const numbers = (camera || "").split(",").map(Number);
     if (VIEWS.includes(view)) this.name = view;
     if (numbers.length === 6 && numbers.every(Number.isFinite)) {
@@ -91,6 +92,7 @@ class Views {
       if (names.length) parts.push(`${word}=${names.map(encodeURIComponent).join(",")}`);
     }
     if (player && player.cast.follow !== player.motion.follow) parts.push(`follow=${player.cast.follow ? "on" : "off"}`);
+    if (theme.asked) parts.push(`theme=${theme.asked}`);
     return parts.join("&");
   }
 
