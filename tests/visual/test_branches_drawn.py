@@ -59,7 +59,7 @@ def report(name: str) -> MechanismReport:
 def page_of(it: MechanismReport, path: Path) -> Path:
     """The page that `rbd mechanism` writes."""
     details, note = it.legend()
-    with Scene(it.robot, seen_from=it.seen_from) as scene:
+    with Scene(it.robot) as scene:
         scene.show(it.state)
         scene.beside(it.poses(), shown=it.shown, details=details, note=note)
         return scene.export(path)
