@@ -116,7 +116,9 @@ def test_the_page_has_the_branches_in_the_colours_of_its_legend(browser: Browser
           }
           return out;
         })()""")
-        entries = page.evaluate("[...document.querySelectorAll('#legend tr')].map(row => row.textContent)")
+        entries = page.evaluate(
+            "[...document.querySelectorAll('#legend tr')].map(row => row.textContent.replace(/\\u00a0/g, ' '))"
+        )
         swatches = page.evaluate("[...document.querySelectorAll('#legend i')].map(i => getComputedStyle(i).backgroundColor)")
     fixed = {i for i, part in enumerate(robot_parts(it.robot)) if not part.joint}
     moving = {i for links in bars(it)["branch 0"].values() for i in links}

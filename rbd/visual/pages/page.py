@@ -30,6 +30,7 @@ _POLICY = (
     "img-src data: blob:; worker-src blob:; connect-src {connect}"
 )
 
+
 @cache
 def text_of(package: str, path: str) -> str:
     """A text file of a package."""
@@ -97,7 +98,7 @@ SCRIPTS = (
     *("live.js", "controls.js", "backdrop.js", "verify.js"),
 )
 OLD_BROWSER = (
-    "This browser is too old for this page. Chrome and Edge from 90 on, Firefox from 113 on and Safari from 16.4 on show it."
+    "This browser is too old for this page. Chrome and Edge 90, Firefox 113, Safari 16.4 and all later ones can show it."
 )
 """What a page says where its scripts do not run."""
 LEVEL = 6

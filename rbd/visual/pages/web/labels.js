@@ -137,7 +137,7 @@ class Labels {
       this.clear();
       return;
     }
-    this.tip.replaceChildren(make("b", "", null, label.title), ...label.lines.map((line) => make("div", "", null, unbroken(line))));
+    this.tip.replaceChildren(make("b", "", null, label.title), ...label.lines.map((line) => make("div", "", null, line)));
     this.tip.hidden = false;
     this.stage.pane.style.cursor = "help";
     const [width, height] = this.stage.size();

@@ -18,7 +18,7 @@ async function unpackPage([library, ...sizes], build) {
 // The pieces of a block that Python deflated: bytes, one array a piece.
 async function inflated(base64, lengths) {
   if (typeof DecompressionStream === "undefined") {
-    throw new Error(`It cannot unpack data (no DecompressionStream). ${OLD_BROWSER}`);
+    throw new Error(`${OLD_BROWSER} It cannot unpack data (no DecompressionStream).`);
   }
   const stream = new Blob([bytes(base64)]).stream().pipeThrough(new DecompressionStream("deflate"));
   const whole = await new Response(stream).arrayBuffer();
