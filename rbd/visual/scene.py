@@ -409,6 +409,7 @@ class Scene(Displayed, Closing):
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
+        size = self.sizes.body  # refuses an empty scene
         drawn = [mark.points for mark in (*self._marks, *self._around_marks) if self._layers[mark.layer]]
         body, normal = self._body, normal_of(self.robot, self._given[0].q)
         clouds, level = [body.cloud, body.further, self._around, *drawn], self._ground and self._level
@@ -416,9 +417,9 @@ class Scene(Displayed, Closing):
             front = front_of(self.robot, body.data, self._picture.contacts)
         else:  # bars that pass below z = 0 stand on no ground
             front = np.round(normal[:2] / np.linalg.norm(normal[:2]), 4).tolist()
-            level &= bool(min(c[:, 2].min(initial=0.0) for c in clouds[:3]) > -1e-3 * self.sizes.body)
+            level &= bool(min(c[:, 2].min(initial=0.0) for c in clouds[:3]) > -1e-3 * size)
         direction = self._staged_from or self.direction([shown.terrain for shown in self._shown_terrains()], body.cloud)
-        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self.sizes.body, ground=level)
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=size, ground=level)
 
     def direction(self, terrains: Sequence[Terrain] = (), points: Array | None = None) -> list[float]:
         """From the robot to the camera at first, in W.
