@@ -273,7 +273,7 @@ def mechanisms() -> Path:
             robot = rbd.load_robot(TOP / "urdf" / f"{name}.urdf")
             posture = next(iter(robot.postures), None)
             report = report_mechanism(robot, robot.at().q if posture is None else robot.at(posture).q)
-            with Scene(robot, legend=False, seen_from=report.seen_from) as scene:
+            with Scene(robot, legend=False) as scene:
                 scene.show(report.state)
                 scene.beside(report.poses(), shown=report.shown)
                 shot = scene.screenshot(Path(folder) / f"{name}.png", width=width, height=height, browser=browser)

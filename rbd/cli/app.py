@@ -161,7 +161,7 @@ def mechanism(
         if html is not None or show:
             from rbd.visual import Scene
 
-            with Scene(loaded, seen_from=report.seen_from) as scene:
+            with Scene(loaded) as scene:
                 scene.show(report.state)
                 details, note = report.legend()
                 scene.beside(report.poses(), shown=report.shown, details=details, note=note)

@@ -233,20 +233,6 @@ class MechanismReport:
         found = () if self.branches is None else self.branches.found
         return {f"branch {i}": State(self.robot, b.q) for i, b in enumerate(found)}
 
-    @property
-    def seen_from(self) -> Array | None:
-        """From where its picture shows all bars: nearly across the plane of a vertical planar mechanism; None for others."""
-        robot = self.robot
-        J = pin.computeJointJacobians(robot.model, robot.model.createData(), self.state.q)
-        axes = np.array([J[3:, joint.v.start] for joint in robot.joints.values() if joint.nv == 1 and joint.is_angle])
-        if robot.floating or not robot.loops() or not len(axes):
-            return None
-        normal = axes[0] / np.linalg.norm(axes[0])
-        if np.abs(np.cross(axes, normal)).max() > 1e-6 or abs(normal[2]) > 0.5:
-            return None
-        up = np.array([0.0, 0.0, 1.0])
-        return np.asarray(normal - 0.15 * np.cross(up, normal) + 0.1 * up)
-
     def _away(self, q: Array) -> float:
         """Largest difference from the examined pose, modulo whole turns [m, rad]."""
         change = pin.difference(self.robot.model, self.state.q, q)

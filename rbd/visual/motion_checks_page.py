@@ -35,6 +35,8 @@ _COLUMNS = (
     ("hover_m", 1e3, 1), ("slip_m_s", 1e3, 1), ("missing_median", 100.0, 1),
 )  # fmt: skip
 """Of the table of all: number, its factor, decimals."""
+NO_BREAK = "\u00a0"
+"""Between a number and its unit."""
 GREY = "#b8c2cc"
 """What was before."""
 TOLD = (NOTHING, "its own rate was kept")
@@ -48,20 +50,26 @@ p { margin: 4px 0; } .quiet { color: var(--soft); } a { color: var(--link); }
 .row { display: flex; flex-wrap: wrap; gap: 14px; }
 .tile { flex: 1 1 120px; background: var(--pressed); border-radius: 6px; padding: 10px 14px; }
 .tile b { display: block; font-size: 24px; line-height: 32px; }
-.bars { display: grid; grid-template-columns: max-content 1fr max-content; gap: 4px 10px; align-items: center; }
+.bars { display: grid; grid-template-columns: max-content minmax(60px, 1fr) auto; gap: 4px 10px; align-items: center; }
 .bar { height: 13px; border-radius: 2px; min-width: 1px; } .right { text-align: right; }
 figure { margin: 0; flex: 0 1 170px; } figure svg { display: block; width: 100%; height: auto; }
 figcaption { margin-top: 4px; font-size: 13px; line-height: 17px; overflow-wrap: anywhere; }
 .worst { display: grid; grid-template-columns: repeat(auto-fill, minmax(170px, 1fr)); gap: 16px; }
-.worst figure { width: auto; border: 1px solid var(--edge); border-radius: 6px; padding: 8px; }
-.worst.wide { grid-template-columns: repeat(auto-fill, minmax(340px, 1fr)); }
+.worst figure { width: auto; min-width: 0; border: 1px solid var(--edge); border-radius: 6px; padding: 8px; }
+.worst figure { overflow-wrap: anywhere; }
+.worst.wide { grid-template-columns: repeat(auto-fill, minmax(min(340px, 100%), 1fr)); }
 .stills { display: flex; gap: 10px; margin-top: 6px; font-size: 13px; line-height: 17px; }
 .stills div { flex: 1; min-width: 0; }
 .was { color: var(--soft); font-weight: normal; font-size: 0.8em; }
 .worst img { display: block; width: 100%; aspect-ratio: 1; object-fit: contain; }
-.scroll { overflow-x: auto; } table { border-collapse: collapse; width: 100%; }
+.scroll { overflow-x: auto; background:
+  linear-gradient(90deg, var(--halo) 60%, transparent) 0 0 / 48px 100% local,
+  linear-gradient(270deg, var(--halo) 60%, transparent) 100% 0 / 48px 100% local,
+  linear-gradient(90deg, var(--faint), transparent) 0 0 / 18px 100%,
+  linear-gradient(270deg, var(--faint), transparent) 100% 0 / 18px 100%; background-repeat: no-repeat; }
+table { border-collapse: collapse; width: 100%; }
 th, td { padding: 4px 8px; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); }
-th { position: sticky; top: 0; background: var(--halo); cursor: pointer; }
+th { cursor: pointer; }
 th:first-child, td:first-child, .left { text-align: left; }
 td:first-child, .left { overflow-wrap: anywhere; white-space: normal; min-width: 150px; }""",
     """<h1>$title</h1>
@@ -122,8 +130,9 @@ def export_motion_checks(checks: Any, folder: str | os.PathLike[str], *, pages: 
     title = f"{len(checks.ranked)} motions of {robots}"
     s, x = checks.ranked[0][1]["settings"], checks.together
     about = (
-        f"{x['frames']:,} frames, {x['duration_s'] / 60.0:.1f} min. Friction {s['friction']:g}, {100 * s['threshold']:g} % "
-        f"of the weight may be missing, feet are meant to touch up to {1e3 * s['touch_height']:g} mm. rbd {VERSION}."
+        f"{x['frames']:,}{NO_BREAK}frames, {x['duration_s'] / 60.0:.1f}{NO_BREAK}min. Friction{NO_BREAK}{s['friction']:g}, "
+        f"{_percent(s['threshold'], 'g')} of the weight may be missing, feet are meant to touch up to "
+        f"{1e3 * s['touch_height']:g}{NO_BREAK}mm. rbd{NO_BREAK}{VERSION}."
     )
     if "before" in x:
         about += " Grey: before the motions were changed."
@@ -157,11 +166,11 @@ def _both(x: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _beside(texts: Iterable[str]) -> str:
     """What was, in grey, and what is."""
     *was, now = texts
-    return "".join(f"<span class='was'>{each} &rarr;</span> " for each in was) + now
+    return "".join(f"<span class='was'>{each}{NO_BREAK}&rarr;</span> " for each in was) + now
 
 
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.1f} %"
+def _percent(share: float, digits: str = ".1f") -> str:
+    return f"{100.0 * share:{digits}}{NO_BREAK}%"
 
 
 def _tiles(whole: Mapping[str, Any], numbers: Sequence[Mapping[str, Any]]) -> str:
@@ -182,12 +191,13 @@ def _causes(whole: Mapping[str, Any], numbers: Sequence[Mapping[str, Any]]) -> s
     rows = []
     for cause in named:
         shares, motions = [causes.get(cause, 0.0) for causes in both], sum(cause in x["causes"] for x in numbers)
-        rows.append((cause, shares, colors[cause], f"{_beside(map(_percent, shares))}, {motions} of {n} motions"))
+        of = f"{motions} of {n} motions".replace(" ", NO_BREAK)
+        rows.append((cause, shares, colors[cause], f"{_beside(map(_percent, shares))}, {of}"))
     weights, more = np.array([x["frames"] for x in numbers], float), []
     for h in numbers[0]["possible_at_mm"]:
         each = np.array([[x["possible_at_mm"][h] for x in _both(motion)] for motion in numbers])
         at = np.average(each, axis=0, weights=weights).tolist()
-        more.append((f"{h} mm", at, "#0072b2", _beside(map(_percent, at))))
+        more.append((f"{h}{NO_BREAK}mm", at, "#0072b2", _beside(map(_percent, at))))
     return (
         f"<div class='row' style='gap:40px'><div style='flex:2 1 480px'><h2>Causes, share of the frames</h2>{_bars(rows)}</div>"
         f"<div style='flex:1 1 300px'><h2>Possible if points up to a height touched</h2>{_bars(more)}</div></div>"
@@ -232,7 +242,7 @@ def _histogram(title: str, unit: str, values: np.ndarray, top: float | None) -> 
         f"<figure><svg viewBox='-4 0 188 110' role='img' aria-label='{title}'>{bars}<path d='M0 90H180' stroke='#9aa5b1'/>"
         f"<path d='M{x:.1f} 4V90' stroke='#d55e00' stroke-dasharray='3 2'/>{text} x='0'>0</text>"
         f"{text} x='180' text-anchor='end'>{most:g}</text></svg>"
-        f"<figcaption>{title}: {words} {unit if unit != 'score' else ''} in the median</figcaption></figure>"
+        f"<figcaption>{title}: {words}{NO_BREAK + unit if unit != 'score' else ''} in the median</figcaption></figure>"
     )
 
 
@@ -241,12 +251,12 @@ def _card(file: str, x: Mapping[str, Any], page: str, stills: Sequence[bytes]) -
     alt, parts = html.escape(x["robot"]), []
     for each, picture in zip(_both(x), stills, strict=True):
         told, data = ", ".join(each["worst"]["causes"]) or "possible", base64.b64encode(picture).decode()
-        words = f"{each['worst']['t_s']:.2f} s, {100.0 * each['possible']:.0f} % possible: {told}"
+        words = f"{each['worst']['t_s']:.2f}{NO_BREAK}s, {_percent(each['possible'], '.0f')} possible: {told}"
         parts.append(f"<div><img src='data:image/png;base64,{data}' alt='{alt}'><span class='quiet'>{words}</span></div>")
     why = next((note for note in x["notes"] if note.startswith("not possible from")), "")
     score = _beside(f"{each['score']:.0f}" for each in _both(x))
     return (
-        f"<figure><a href='{html.escape(page)}'>{html.escape(Path(file).name)}</a>, score {score}"
+        f"<figure><a href='{html.escape(page)}'>{html.escape(Path(file).name)}</a>, score{NO_BREAK}{score}"
         f"<div class='stills'>{''.join(parts)}</div><figcaption class='quiet'>{html.escape(why)}</figcaption></figure>"
     )
 
@@ -261,14 +271,14 @@ def _all(checks: Any, links: Mapping[str, str]) -> str:
         for each, factor, digits in _COLUMNS:
             cells.append((_beside(f"{factor * some[each]:.{digits}f}" for some in _both(x)), x[each]))
         causes = sorted(x["causes"].items(), key=lambda each: -each[1])[:3]
-        told = ", ".join(f"{cause} {100.0 * count / x['frames']:.0f} %" for cause, count in causes)
+        told = ", ".join(f"{cause}{NO_BREAK}{_percent(count / x['frames'], '.0f')}" for cause, count in causes)
         row = "".join(f"<td data-value='{value:.6g}'>{cell}</td>" for cell, value in cells)
         rows.append(f"<tr><td>{shown}</td>{row}<td class='left'>{told}</td></tr>")
     head = "".join(f"<th{' class=left' * (name == 'causes')}>{name}</th>" for name in heads)
     return (
         "<h2>All motions, best first</h2><p class='quiet'>balance, feet, motors: % of the frames without a fault of theirs; "
         "possible: without any. A click on a heading sorts.</p>"
-        f"<div class='scroll'><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+        f"<div class='scroll' tabindex='0'><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
 
 

@@ -1,4 +1,4 @@
-"""Shapes as messages for Meshcat's viewer, and triangles as few bytes that deflate well, for our page.
+"""Shapes as messages for the viewer of our pages, and triangles as few bytes that deflate well, for our page.
 
 Coordinates are whole numbers of 65535ths of the mesh's box, each axis by itself: a point moves by less than
 1/131070 of a side. Vertices are numbered in the order in which the triangles use them; then each coordinate is sent as its

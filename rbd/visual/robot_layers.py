@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
+from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import InputError, RbdError
 from rbd.visual.kept_shapes import Piece, kept_pieces
 from rbd.visual.marks.shown_force import ShownForce
@@ -32,6 +33,10 @@ ROUNDS = 3
 HULL_OPACITY = 0.35
 FRAME_LENGTH = 0.06
 """Length of the axes of a frame, over the robot's size."""
+TURNS_DEG = (0, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180)
+"""Where the camera may stand instead, about the vertical, when terrain hides a robot [degrees]."""
+HIDDEN, LOOKED_AT = 0.05, 40
+"""The share of a robot that terrain may hide, and how many of its points are looked at."""
 _HULLS: WeakKeyDictionary[CheckedModel, tuple[CollisionPart, ...]] = WeakKeyDictionary()
 
 
@@ -220,6 +225,55 @@ def seen_from(contacts: Iterable[ShownForce]) -> list[float]:
     ahead = ahead_of(toes_of(contacts))
     left = np.array([-ahead[1], ahead[0]])
     return np.round([*(FRONT_LEFT[0] * ahead + FRONT_LEFT[1] * left), FRONT_LEFT[2]], 4).tolist()
+
+
+def normal_of(robot: CheckedModel, q: Array) -> Array | None:
+    """The unit normal in W, shape (3,), of the vertical plane in which a mechanism with loops moves; None of other robots.
+
+    It points to where one sees W's x run to the right, as in figures of the x-z plane; of a plane across x its y.
+    """
+    if getattr(robot, "floating", True) or not robot.loops():
+        return None
+    joints = [joint for joint in robot.joints.values() if joint.nv == 1]
+    J = pin.computeJointJacobians(robot.model, robot.model.createData(), np.asarray(q, float))
+    axes = np.array([J[3:, joint.v.start] for joint in joints if joint.is_angle]).reshape(-1, 3)
+    ways = np.array([J[:3, joint.v.start] for joint in joints if not joint.is_angle]).reshape(-1, 3)
+    if not len(axes):
+        return None
+    normal = axes[0] / np.linalg.norm(axes[0])
+    across = max(np.abs(np.cross(axes, normal)).max(), np.abs(ways @ normal).max(initial=0.0))
+    if across > 1e-6 or abs(normal[2]) > 0.5:
+        return None
+    right = _right_of(normal)
+    return np.asarray(normal if right[np.abs(right).argmax()] > 0.0 else -normal)
+
+
+def _right_of(normal: Array) -> Array:
+    """What is to the right for who looks against a normal."""
+    return np.cross([0.0, 0.0, 1.0], normal)
+
+
+def facing(normal: Array) -> list[float]:
+    """A direction to the camera that shows a plane nearly straight, and its bars' thickness: from the left, and from above."""
+    return np.round(normal - 0.15 * _right_of(normal) + [0.0, 0.0, 0.1], 4).tolist()
+
+
+def unhidden(direction: Sequence[float] | Array, terrains: Sequence[Terrain], points: Array) -> list[float]:
+    """A direction to the camera, turned about the vertical, if need be, until terrain hides little of some points in W."""
+    given = [float(x) for x in direction]
+    if not terrains or not len(points):
+        return given
+    size, shares = float(np.ptp(points, axis=0).max()), list[float]()
+    P = points[np.unique(np.linspace(0, len(points) - 1, LOOKED_AT).astype(int))]
+    turned = [pin.utils.rotate("z", float(np.radians(turn))) @ given for turn in TURNS_DEG]
+    for way in turned:
+        along = P[:, None] + np.outer(np.linspace(0.05, 4.0, 24) * size, way / np.linalg.norm(way))
+        xy = along[..., :2].reshape(-1, 2)
+        tops = np.max([solid.tops(xy) for terrain in terrains for solid in terrain.solids], axis=0).reshape(along.shape[:2])
+        shares.append(float((along[..., 2] < tops - 1e-3 * size).any(axis=1).mean()))
+        if shares[-1] <= HIDDEN:
+            break
+    return np.round(turned[int(np.argmin(shares))], 4).tolist()
 
 
 def camera_and_ground(

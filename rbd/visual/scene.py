@@ -1,4 +1,4 @@
-"""A robot with its forces, in Meshcat: live in a browser, or as one page in a file."""
+"""A robot with its forces, in three dimensions: live in a browser, or as one page in a file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rbd.visual.pages.browser import Browser, Closing
 from rbd.visual.pages.link import checked_layers, checked_view
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder, ViewerNode, drawn_together
-from rbd.visual.robot_layers import a_direction, camera_and_ground, frames, front_of, seen_from
+from rbd.visual.robot_layers import a_direction, camera_and_ground, facing, frames, front_of, normal_of, seen_from, unhidden
 from rbd.visual.robot_meshes import RobotPart, missing_note, robot_parts
 from rbd.visual.style import a_page, a_picture, contact_colors
 from rbd.visual.verified_frames import verified
@@ -61,7 +61,8 @@ class Scene(Displayed, Closing):
             and about half the robot's size otherwise.
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
-            front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
+            front is where the x axes of the soles shown point (iCub looks along -x), or W's x; turned about the vertical where
+            terrain hides the robot. Mechanisms with loops in a vertical plane are seen from before it, with x to the right.
         legend: Whether to write names, forces and the scale next to the picture.
         layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.pages.link.LAYERS`; the page can
             change it.
@@ -111,6 +112,7 @@ class Scene(Displayed, Closing):
         self._server: LiveServer | None = None
         self._around = np.zeros((0, 3))
         self._moving = False
+        self._staged_from: Sequence[float] = ()
         self._statics: tuple[Drawn, ...] = ()
         self._terrains: tuple[ShownTerrain, ...] = ()
         self._planes: tuple[ShownSurface, ...] = ()
@@ -215,7 +217,7 @@ class Scene(Displayed, Closing):
         reframed = self._sizes is None or self._moving
         if self._moving:
             self.recorder.post("motion", json.dumps({"motion": None}))
-            self._around, self._moving = np.zeros((0, 3)), False
+            self._around, self._moving, self._staged_from = np.zeros((0, 3)), False, ()
         self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture, self._given = Picture.of(state, solution, external), (state, solution)
         if self._sizes is None:
@@ -332,7 +334,13 @@ class Scene(Displayed, Closing):
         return offline_page(self.title, [*self.recorder.messages()[0], self._view(), *([verify] if verify else [])])
 
     def stage_motion(
-        self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None, *, title: str | None = None
+        self,
+        motion: str,
+        around: Array,
+        further: Mapping[str, Sequence[RobotPart]] | None = None,
+        *,
+        title: str | None = None,
+        seen_from: Sequence[float] = (),
     ) -> None:
         """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
@@ -341,6 +349,7 @@ class Scene(Displayed, Closing):
             around: Points in W that the camera is to see, shape (n, 3) [m].
             further: {path in the viewer: pieces of another robot, which the motion moves too}.
             title: Of the page.
+            seen_from: Direction from the robot to the camera at first, in W; by default that of the scene.
         """
         _ = self.sizes  # refuses an empty scene
         self.title = title or self.robot.name
@@ -348,6 +357,7 @@ class Scene(Displayed, Closing):
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
         self._marks, self._around_marks, self._around, self._moving = [], [], around, True
+        self._staged_from = seen_from
         self._send_marks()
         self.recorder.post("motion", motion)
         self.recorder.post("view", self._view())
@@ -392,15 +402,34 @@ class Scene(Displayed, Closing):
             return
         colors, poses = contact_colors(self._seen), self._body.poses
         note = " ".join(filter(None, [missing_note(robot_parts(self.robot)), poses.note]))
-        words = poses.entries(), note, self._shown_terrains()
+        of = poses.shown or ("the pose in its own colours" if poses else "")
+        words = poses.entries(), note, self._shown_terrains(), of
         what = legend_data(self.robot.name, self._picture, colors, self.sizes, self._statics, *words)
         self.recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
+        size = self.sizes.body  # refuses an empty scene
         drawn = [mark.points for mark in (*self._marks, *self._around_marks) if self._layers[mark.layer]]
-        contacts, body = self._picture.contacts, self._body
-        direction = seen_from(contacts) if self._seen_from is None else self._seen_from
-        front, clouds = front_of(self.robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
-        level = self._ground and self._level
-        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self.sizes.body, ground=level)
+        body, normal = self._body, normal_of(self.robot, self._given[0].q)
+        clouds, level = [body.cloud, body.further, self._around, *drawn], self._ground and self._level
+        if normal is None:
+            front = front_of(self.robot, body.data, self._picture.contacts)
+        else:  # bars that pass below z = 0 stand on no ground
+            front = np.round(normal[:2] / np.linalg.norm(normal[:2]), 4).tolist()
+            level &= bool(min(c[:, 2].min(initial=0.0) for c in clouds[:3]) > -1e-3 * size)
+        direction = self._staged_from or self.direction([shown.terrain for shown in self._shown_terrains()], body.cloud)
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=size, ground=level)
+
+    def direction(self, terrains: Sequence[Terrain] = (), points: Array | None = None) -> list[float]:
+        """From the robot to the camera at first, in W.
+
+        Args:
+            terrains: Are not to hide the robot.
+            points: Where the robot is, in W, shape (n, 3) [m]; by default where it is shown.
+        """
+        if self._seen_from is not None:
+            return self._seen_from
+        if (normal := normal_of(self.robot, self._given[0].q)) is not None:
+            return facing(normal)
+        return unhidden(seen_from(self._picture.contacts), terrains, self._body.cloud if points is None else points)

@@ -59,7 +59,7 @@ def report(name: str) -> MechanismReport:
 def page_of(it: MechanismReport, path: Path) -> Path:
     """The page that `rbd mechanism` writes."""
     details, note = it.legend()
-    with Scene(it.robot, seen_from=it.seen_from) as scene:
+    with Scene(it.robot) as scene:
         scene.show(it.state)
         scene.beside(it.poses(), shown=it.shown, details=details, note=note)
         return scene.export(path)
@@ -116,7 +116,9 @@ def test_the_page_has_the_branches_in_the_colours_of_its_legend(browser: Browser
           }
           return out;
         })()""")
-        entries = page.evaluate("[...document.querySelectorAll('#legend tr')].map(row => row.textContent)")
+        entries = page.evaluate(
+            "[...document.querySelectorAll('#legend tr')].map(row => row.textContent.replace(/\\u00a0/g, ' '))"
+        )
         swatches = page.evaluate("[...document.querySelectorAll('#legend i')].map(i => getComputedStyle(i).backgroundColor)")
     fixed = {i for i, part in enumerate(robot_parts(it.robot)) if not part.joint}
     moving = {i for links in bars(it)["branch 0"].values() for i in links}

@@ -443,6 +443,9 @@ def test_in_a_narrow_window_charts_are_below(opened: BrowserPage) -> None:
     for width, expected in ((900, [False, False, False, True]), (420, [False, True, True, True])):
         shown.resize(width, 700)
         shown.wait("stage.player.curves.below && stage.viewer.camera.view.fullWidth === window.innerWidth")
+        if width == 420:
+            assert shown.evaluate(hidden) == [True] * 4
+            shown.key("c")
         left, top, right, bottom = shown.evaluate(BOX % "panel")
         assert (left, right) == pytest.approx((14.0, width - 14.0), abs=1.0)
         assert 250.0 < top < bottom < shown.evaluate("stage.player.footer.getBoundingClientRect().top")

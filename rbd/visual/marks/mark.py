@@ -159,7 +159,7 @@ def number(value: float) -> str:
 
 
 def node(name: str) -> str:
-    """A name for a Meshcat path, where a slash would open a new level."""
+    """A name for a path in the viewer's tree, where a slash would open a new level."""
     return name.replace("/", "|") or "unnamed"
 
 

@@ -185,6 +185,7 @@ def legend_data(
     poses: Sequence[Entry] = (),
     note: str = "",
     terrains: Sequence[ShownTerrain] = (),
+    of: str = "",
 ) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
 
@@ -197,10 +198,11 @@ def legend_data(
         poses: Entries of other poses in it.
         note: About these poses.
         terrains: Those in it.
+        of: Whose centre of mass is drawn, where there are several poses.
     """
     entries = [*poses, *_forces(picture, colors), *_drives(picture.drives)]
     entries += [*_elements(picture, sizes), *_torques(picture.torques)]
-    entries += [entry(TERRAIN_COLOR, t.title, "", list(t.lines), "surfaces") for t in terrains] + _rest(picture)
+    entries += [entry(TERRAIN_COLOR, t.title, "", list(t.lines), "surfaces") for t in terrains] + _rest(picture, of)
     entries += [entry(color, name, layer="regions") for name, color in legend_of(statics)]
     lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
     return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
@@ -249,14 +251,15 @@ def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:
     return entries
 
 
-def _rest(picture: Picture) -> list[Entry]:
+def _rest(picture: Picture, of: str) -> list[Entry]:
     points = [point for contact in picture.contacts for point in contact.points]
     share = "filled: share of the friction used" if any(used is not None for _, used in points) else ""
     modes = [mode for mode in MODE_COLORS if mode in {mode for mode, _ in points}]
     entries = [entry(MODE_COLORS[mode], f"point {mode}", "", share * (mode == modes[0]), "forces") for mode in modes]
     entries += [entry(color, name, speed, layer="surfaces") for name, color, speed in surface_entries(picture.surfaces)]
     drops = picture.gravity[2] < 0.0
-    entries.append(entry(COM_COLOR, f"centre of mass{', drop line' if drops else ''}", layer="centre of mass"))
+    name = f"centre of mass{f' of {of}' if of else ''}{', drop line' if drops else ''}"
+    entries.append(entry(COM_COLOR, name, layer="centre of mass"))
     if not is_standard(picture.gravity):
         size = float(np.linalg.norm(picture.gravity))
         words = numbers(picture.gravity) + " m/s2" if size else ""

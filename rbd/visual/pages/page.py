@@ -30,6 +30,7 @@ _POLICY = (
     "img-src data: blob:; worker-src blob:; connect-src {connect}"
 )
 
+
 @cache
 def text_of(package: str, path: str) -> str:
     """A text file of a package."""
@@ -78,6 +79,10 @@ _PAGE = page_template(
 $stage
 </script>
 <script>
+const OLD_BROWSER = "$old";
+if (typeof unpackPage === "undefined") document.body.innerHTML = '<p class="failed">' + OLD_BROWSER + "</p>";
+</script>
+<script>
 let stage;
 unpackPage($sizes, (made) => {
 stage = made;
@@ -92,6 +97,10 @@ SCRIPTS = (
     *("support.js", "force_elements.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
     *("live.js", "controls.js", "backdrop.js", "verify.js"),
 )
+OLD_BROWSER = (
+    "This browser is too old for this page. Chrome and Edge 90, Firefox 113, Safari 16.4 and all later ones can show it."
+)
+"""What a page says where its scripts do not run."""
 LEVEL = 6
 """Of zlib: level 9 takes four times as long, for a hundredth less."""
 STYLES = ("colors.css", "stage.css", "toolbar.css", "uplot/uPlot.min.css", "animation.css", "controls.css")
@@ -151,6 +160,7 @@ def _page(title: str, messages: Iterable[bytes | str], *, connect: str, then: st
         policy=_POLICY.format(connect=connect),
         style="\n".join(text_of("rbd.visual.pages", f"web/{name}") for name in STYLES),
         library=library,
+        old=OLD_BROWSER,
         pieces=_deflated(b"".join(pieces)),
         sizes=json.dumps([size, *map(len, pieces)]),
         stage="\n".join(text_of("rbd.visual.pages", f"web/{name}") for name in SCRIPTS),

@@ -1,4 +1,4 @@
-"""The messages of a scene, in the protocol of Meshcat's viewer: kept for pages that are written or opened later, and passed on.
+"""The messages of a scene, in Meshcat's protocol and our own: kept for pages that are written or opened later, and passed on.
 
 The package `meshcat` is not imported: it would load IPython, zmq and Pillow, which take a second and which no page needs.
 """
@@ -146,7 +146,7 @@ class Recorder:
 
 
 class ViewerNode:
-    """A place in the tree of Meshcat's viewer: `node["robot/3"]` is one below it.
+    """A place in the tree of the viewer: `node["robot/3"]` is one below it.
 
     Args:
         recorder: Gets the messages.

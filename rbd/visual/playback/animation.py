@@ -36,7 +36,6 @@ from rbd.visual.playback.plan_motion import shown_plan
 from rbd.visual.playback.planar_motion import is_planar, shown_planar
 from rbd.visual.playback.report_motion import shown_report
 from rbd.visual.playback.shown_motion import ShownMotion, a_time
-from rbd.visual.robot_layers import FRONT_LEFT
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene
 from rbd.visual.style import MOST_SIZE, a_page, a_path, a_picture, check_size
@@ -281,10 +280,11 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
         scene = Scene(shown.robot, ground=bool(given.ground), legend=False, **look)
     scene.show(State(shown.robot, np.array(shown.q[0], float)))
     page = _page(shown, robot_parts(shown.robot), scene.sizes, bool(given.ground), given).with_ghost(given.ghost)
+    follows = page.goes_far(FAR) if given.follow is None else bool(given.follow)
+    camera = scene.direction(shown.terrains, page.around(follows) if shown.terrains else None)
     charts, times, outlines = shown.charts(given.charts), [shown.t], footprints_of(shown)
     if given.beside is not None:
         second = shown_motion(given.beside)
-        camera = FRONT_LEFT if given.seen_from is None else given.seen_from
         page = page.with_second(_beside(second, page, given), camera)
         charts = together(charts, second.charts(True if given.charts is True else [c.name for c in charts]))
         times.append(second.t)
@@ -299,7 +299,6 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
     paths = [f"marks/statics/{len(drawn) + i}" for i in range(len(planned))]
     if planned:
         page = page.with_moving(paths[-1], way)
-    follows = page.goes_far(FAR) if given.follow is None else bool(given.follow)
     settings: dict[str, object] = {
         "title": given.title,
         "start": first if given.start is None else a_time("start", given.start, first, last),
@@ -314,7 +313,8 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
     if sheet is not None:
         settings["sheet"] = sheet
     scene.stand_on(*page.terrains, *page.surfaces)
-    scene.stage_motion(page.whole(settings, given.pace), page.around(follows), page.further_parts, title=given.title)
+    whole = page.whole(settings, given.pace)
+    scene.stage_motion(whole, page.around(follows), page.further_parts, title=given.title, seen_from=camera)
     if drawn or planned:
         scene.draw(*drawn, *planned)
     return scene

@@ -90,7 +90,7 @@ class Controls {
   say({ title, lines, good }) {
     this.said.classList.toggle("good", good === true);
     this.said.classList.toggle("bad", good === false);
-    this.said.replaceChildren(make("h2", "", null, title), ...lines.map((line) => make("p", "", null, line)));
+    this.said.replaceChildren(make("h2", "", null, unbroken(title)), ...lines.map((line) => make("p", "", null, unbroken(line))));
   }
 
   // What the sliders take of the window, in pixels.

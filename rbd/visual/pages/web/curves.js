@@ -34,12 +34,12 @@ class Curves {
     return window.innerWidth <= NARROW_WINDOW;
   }
 
-  // Until one chooses: all charts beside the robot, as many as fit in a row below it, none in a small frame.
+  // Until one chooses: all charts beside the robot, as many as fit in a row below it; folded in a small frame.
   arrange() {
     if (this.chosen) return;
     const most = this.below ? Math.max(1, Math.floor((window.innerWidth - 28) / 290)) : Infinity;
     this.charts.forEach((chart, i) => this.show(chart, i < most));
-    this.fold(this.below && window.innerHeight < LOW, false);
+    this.fold(this.below && (window.innerHeight < LOW || window.innerWidth < FOLDS_BELOW[0]), false);
   }
 
   show(chart, on) {
@@ -63,6 +63,7 @@ class Curves {
     const node = make("section", "chart", this.box);
     make("h2", "", node, title);
     const home = make("div", "", node);
+    home.style.height = `${CHART_HEIGHT}px`;  // uPlot takes it later, and the camera asks before
     const keys = this.times.map((_, i) => {
       const row = make("div", "keys", node);
       if (this.times.length > 1 && lines.some((line) => line.motion === i)) make("b", "", row, this.names[i]);

@@ -28,10 +28,15 @@ function columnNames(table, names, skip) {
   for (const name of names) row.insertCell().append(name);
 }
 
+// Words with no break between a number and its unit, or a name and its number.
+function unbroken(text) {
+  return text.replace(/(\d) (?=(?:%|N|J|W|m|mm|s|ms|kg|deg|degrees|rad)(?:[\s.,;:)/]|$))/g, "$1\u00a0").replace(/\b(of mu|mu|friction) (?=\d)/g, (all) => all.replace(/ /g, "\u00a0"));
+}
+
 // What was found, below the title: a row goes to the time of its largest size; lines are folded at first.
 function writeCard(legend, { words, rows, lines }, go) {
   const card = make("div", "card");
-  if (words) make("p", "", card, words);
+  if (words) make("p", "", card, unbroken(words));
   const table = make("table", "", card);
   for (const { name, color, count, size, t, words } of rows) {
     const line = table.insertRow();
@@ -42,7 +47,7 @@ function writeCard(legend, { words, rows, lines }, go) {
   }
   const details = make("details", "", card);
   make("summary", "", details, "report");
-  for (const text of lines) make("p", "", details, text);
+  for (const text of lines) make("p", "", details, unbroken(text));
   legend.querySelector("h1").after(card);
 }
 
@@ -63,7 +68,7 @@ function writeLegend(stage, { title, entries, notes }) {
       const cell = more.insertCell();
       cell.colSpan = 2;
       cell.className = "detail";
-      cell.textContent = detail;
+      cell.textContent = unbroken(detail);
       rows.push(more);
     }
     for (const row of entry.layer ? rows : []) {
@@ -78,7 +83,7 @@ function writeLegend(stage, { title, entries, notes }) {
 // A note below a legend; on a screen that is touched it says how fingers turn the scene.
 function makeNote(legend, text) {
   const turns = howToTurn(text);
-  make("p", turns, legend, turns && FINGERS ? "One finger turns, two zoom and shift." : text);
+  make("p", turns, legend, turns && FINGERS ? "One finger turns, two zoom and shift." : unbroken(text));
 }
 
 // The class of a note that says how to turn the scene: pictures and videos leave it out.

@@ -18,8 +18,7 @@ async function unpackPage([library, ...sizes], build) {
 // The pieces of a block that Python deflated: bytes, one array a piece.
 async function inflated(base64, lengths) {
   if (typeof DecompressionStream === "undefined") {
-    throw new Error("This browser is too old for this page: it cannot unpack data (no DecompressionStream). " +
-      "Chrome and Edge 80, Firefox 113, Safari 16.4 and all later ones can.");
+    throw new Error(`${OLD_BROWSER} It cannot unpack data (no DecompressionStream).`);
   }
   const stream = new Blob([bytes(base64)]).stream().pipeThrough(new DecompressionStream("deflate"));
   const whole = await new Response(stream).arrayBuffer();

@@ -236,10 +236,6 @@ class Stage {
     this.viewer.set_dirty();
   }
 
-  background({ top, bottom }) {
-    this.viewer.set_background(top, bottom);
-  }
-
   // Lamps and ground anew, where they stand.
   relight() {
     if (!this.lamps) return;

@@ -73,7 +73,7 @@ class Theme {
       this.paint(each, property, color);
     }
     if (!stage) return;
-    stage.background(look);
+    stage.viewer.set_background(look.top, look.bottom);
     stage.viewer.scene.traverse(({ material }) => { if (material && material.userData && material.userData.given) this.recolor(material); });
     stage.relight();
     stage.toolbar.refresh();

@@ -74,6 +74,7 @@ class Toolbar {
     const box = curves && curves.getBoundingClientRect();
     const beside = box && box.width && box.top < 60 && box.right > window.innerWidth - 40 && box.left > 0.4 * window.innerWidth;
     this.node.style.right = `${beside ? window.innerWidth - box.left + 10 : 14}px`;
+    document.documentElement.style.setProperty("--buttons", `${this.row.offsetWidth}px`);
     const other = theme.name === "dark" ? "Light" : "Dark";
     this.dark.title = `${other} page (d)`;
     this.dark.setAttribute("aria-label", `${other} page`);
