@@ -24,7 +24,7 @@ from rbd.errors.inputs import check_different, check_kind
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import Motor
 from rbd.model.pickling import Recipe, packed, unpacked
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.model.urdf import BASE_JOINT
 from rbd.problem.cones import Cone
 from rbd.robots import catalogue, travelling
@@ -235,13 +235,37 @@ class Robot(ShapedRobot):
         return soles
 
     def feet(
-        self, friction: float | Cone | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+        self,
+        friction: float | Cone | None = 0.7,
+        *,
+        facets: int = 4,
+        on: On | Mapping[str, On] = 0.0,
+        at: State | None = None,
     ) -> list[SurfaceContact | PointContact]:
-        """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`. Arguments as `soles`.
+        """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`.
+
+        Args:
+            friction: As of `soles`, like `facets` and `on`.
+            facets: Of the corner pyramids.
+            on: The ground under them.
+            at: The state in which they touch. A foot that `load_robot(feet=...)` took from a ball has its point where the ball
+                is lowest at this state, which is exact at rest; that it rolls as the leg moves is neglected. By default it is
+                the lowest of the state at loading, and a `DistantContactWarning` names the feet of which another is lower
+                where they are solved. Soles, and points of the catalogue, are the same in all states.
 
         Raises:
             ModelError: no feet are known for this robot.
             UnknownName: `on` names a foot that is none.
+            InputError: `at` is no state.
+            FrameNotFound: `at` is a state of another robot.
+
+        Example:
+            >>> ball = '<link name="ball"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+            >>> ball += '</inertial><collision><geometry><sphere radius="0.02"/></geometry></collision></link>'
+            >>> robot = rbd.load_robot(text=f'<robot name="ball">{ball}</robot>', feet=["ball"])
+            >>> turned = rbd.State(robot, [0, 0, 0.02, 0.6, 0, 0, 0.8])
+            >>> [foot.offset.round(4) for foot in (*robot.feet(), *robot.feet(at=turned))]
+            [array([ 0.  ,  0.  , -0.02]), array([ 0.    , -0.0192, -0.0056])]
         """
         if not self.source.feet:
             raise ModelError(
@@ -249,7 +273,7 @@ class Robot(ShapedRobot):
                 "rbd.load_robot(file, feet=[...]), or give your own contacts: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
-        return contacts_of(self.source.feet, friction, facets, on)
+        return contacts_of(self.source.feet, friction, facets, on, None if at is None else checked(at))
 
     def loops(self) -> tuple[Constraint, ...]:
         """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
