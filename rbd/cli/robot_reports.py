@@ -399,7 +399,8 @@ def report_region(
     if not robot.source.feet:
         raise InputError(f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do.")
     with timed(seconds, "regions"):
-        state, feet = standing_on(robot, posture, ground), robot.feet(friction, on=0.0 if ground is None else ground)
+        state = standing_on(robot, posture, ground)
+        feet = robot.feet(friction, on=0.0 if ground is None else ground, at=state)
         out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
         out["torques of any size"] = support_region(state, feet, margin=margin)
     return RegionReport(out, seconds)

@@ -285,7 +285,8 @@ def setup(
     feet: tuple[Constraint, ...] = ()
     on = 0.0 if ground is None else ground
     if robot.source.feet and robot.floating:
-        state, feet = standing_on(robot, posture, ground), tuple(robot.feet(friction, on=on))
+        state = standing_on(robot, posture, ground)
+        feet = tuple(robot.feet(friction, on=on, at=state))
     else:
         name = posture or robot.source.posture or next(iter(robot.postures), None)
         state = assembled(robot, held, robot.at(name))

@@ -143,7 +143,7 @@ def stand(
         with timed(seconds, "stand"):
             state = standing_on(loaded, posture, on)
             under = 0.0 if on is None else on
-            feet = loaded.feet(friction, facets=facets, on=under)
+            feet = loaded.feet(friction, facets=facets, on=under, at=state)
         at = heaviest_link(loaded) if at is None else at
         external = [] if force is None else [ExternalForce(at, force)]
         for e in external:

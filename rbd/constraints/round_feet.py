@@ -12,21 +12,23 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import DistantContactWarning
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
 from rbd.problem.ground import TOUCHES
 from rbd.problem.rows import Rows
 from rbd.records import joined
 
-if TYPE_CHECKING:
-    from rbd.model.state import State
-
+MOST_LOOKED_AT = 100
+"""Samples of a motion at which balls are looked at."""
 C = TypeVar("C")
 
 
@@ -67,23 +69,74 @@ def warn_of_balls(state: State, constraints: Iterable[object], *, stacklevel: in
         constraints: Its constraints; those that are no contacts of round feet are left out.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
-    balls: list[Any] = [c for c in constraints if getattr(c, "ball", None) is not None]
+    balls = _round(constraints)
     if not balls:
         return ()
-    beside = {}
-    for contact in balls:
-        arm = contact.ball.lowest(state.frame(contact.frame).X_WF.rotation, contact.normal) - contact.placement.translation
-        if (far := float(np.linalg.norm(arm))) > TOUCHES:
-            beside[contact.name] = f"{contact.name!r:.80} {1e3 * far:.3g} mm"
-    if beside:
+    far = {contact.name: _beside(contact, state) for contact in balls}
+    told = {name: f"{name!r:.80} {1e3 * each:.3g} mm" for name, each in far.items() if each > TOUCHES}
+    if told:
         warnings.warn(
-            f"round feet of {state.robot.name} touch the ground beside their contact points: {joined(list(beside.values()))}. "
+            f"round feet of {state.robot.name} touch the ground beside their contact points: {joined(list(told.values()))}. "
             "The points are the lowest of another posture, and forces act there. Take them at this state, "
             "robot.feet(at=state); or let balls roll, rbd.RollingBall(name, frame, radius=..., friction=...).",
             DistantContactWarning,
             stacklevel=stacklevel,
         )
-    return tuple(beside)
+    return tuple(told)
+
+
+def warn_of_rolling(
+    start: State, q: Array, forces: Mapping[str, Array], constraints: Iterable[object], *, stacklevel: int
+) -> None:
+    """Warn of round feet that, while they carry, turn until another point is the lowest, by more than a millimetre.
+
+    Args:
+        start: The robot before the motion, whose own feet `warn_of_balls` names.
+        q: Its configurations, shape (n, nq); at most `MOST_LOOKED_AT` of them are looked at.
+        forces: {contact: its force, shape (n, 3)} [N].
+        constraints: Its constraints.
+        stacklevel: As of `warn_of_balls`.
+    """
+    balls = [contact for contact in _round(constraints) if not _beside(contact, start) > TOUCHES]
+    if not balls:
+        return
+    some = np.unique(np.linspace(0, len(q) - 1, min(len(q), MOST_LOOKED_AT)).astype(int))
+    states = [State(start.robot, each) for each in q[some]]
+    far = {c.name: [_beside(c, x) for x, f in zip(states, forces[c.name][some], strict=True) if f.any()] for c in balls}
+    told = [f"{name!r:.80} {1e3 * max(each):.3g} mm" for name, each in far.items() if max(each, default=0.0) > TOUCHES]
+    if told:
+        warnings.warn(
+            f"round feet of {start.robot.name} turn on the ground in this motion until their lowest points are beside the "
+            f"contact points, which are fixed to the feet: {joined(told)}. Let the balls roll: rbd.RollingBall(name, frame, "
+            "radius=..., friction=...), its frame at the centre.",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def balls_beside(robot: CheckedModel, constraints: Iterable[object], q: Array) -> Array:
+    """At which configurations, shape (n, nq), `warn_of_balls` names a contact, shape (n,), of truth values."""
+    out, feet = np.zeros(len(q), bool), [(contact, *robot.site(contact.frame)) for contact in _round(constraints)]
+    if not feet:
+        return out
+    data = robot.model.createData()
+    for i, each in enumerate(q):
+        pin.forwardKinematics(robot.model, data, each)
+        out[i] = any(_off(contact, data.oMi[joint].rotation @ X_JF.rotation) > TOUCHES for contact, joint, X_JF in feet)
+    return out
+
+
+def _round(constraints: Iterable[object]) -> list[Any]:
+    return [c for c in constraints if getattr(c, "ball", None) is not None]
+
+
+def _beside(contact: Any, state: State) -> float:
+    """How far a round foot's contact point is from its lowest point [m]."""
+    return _off(contact, state.frame(contact.frame).X_WF.rotation)
+
+
+def _off(contact: Any, R_WF: Array) -> float:
+    return float(np.linalg.norm(contact.ball.lowest(R_WF, contact.normal) - contact.placement.translation))
 
 
 def other_rows(rows: Sequence[Rows], names: tuple[str, ...]) -> Sequence[Rows]:

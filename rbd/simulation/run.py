@@ -16,7 +16,7 @@ import numpy as np
 from rbd.arrays import Array, check_flag, check_positive, check_whole, is_finite
 from rbd.constraints.constraint import Constraint, anchored, rows_of, with_loops
 from rbd.constraints.distance_warnings import check_start, distant, warn_of_distant, warn_of_limits
-from rbd.constraints.round_feet import other_rows, warn_of_balls
+from rbd.constraints.round_feet import other_rows, warn_of_balls, warn_of_rolling
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import INSTANT, Controller, ExternalAt, asked, hook, sample_period
 from rbd.errors import (
@@ -191,6 +191,7 @@ def simulate(
         raise SimulationStopped(why, state=here, t=t, names=motion.names, trajectory=trajectory, reason=ended)
     for said in inaccurate:
         warnings.warn(said, InaccurateWarning, stacklevel=2)
+    warn_of_rolling(state, trajectory.q, trajectory.forces, motion.constraints, stacklevel=3)
     return trajectory
 
 
