@@ -10,6 +10,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, locked
@@ -179,8 +180,10 @@ class Robot(ShapedRobot):
         that slides on the ground, stay.
 
         Args:
-            posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
-                in the neutral configuration.
+            posture: A name in `postures`; by default that of the catalogue, else the only one. A robot without postures has
+                its joints at zero, or where their limits leave zero out, at the limit nearest to it: a knee of [-2.6, -0.2]
+                rad at -0.2. For other angles: `rbd.robots.place_on_ground(robot.at().with_joints({...}), robot.feet())`.
+                Of a robot with loops, which that would open, all are at zero.
             ground: Under its feet, if that is not z = 0: a height [m], `rbd.Ground` or `rbd.Terrain`. A floating base is then
                 placed as by `rbd.robots.place_on_ground`; `rbd.find_pose(robot, ground=...)` moves joints too.
 
@@ -194,7 +197,7 @@ class Robot(ShapedRobot):
         if name is None and len(self.postures) == 1:
             name = next(iter(self.postures))
         if not self.floating:
-            placed = self.at() if name is None else self.at(self.posture(name))
+            placed = self.at(self._plain() if name is None else self.posture(name))
             upright = self.plane in ("xz", "yz") and self.source.feet
             return self._settled(stand(self, placed.q, self.feet(friction=None))) if upright else placed
         feet = self.feet(friction=None)
@@ -203,7 +206,7 @@ class Robot(ShapedRobot):
                 f"no standing posture is known for {self.name}; {nearest('standing', self.postures)}. "
                 "Name one, standing(posture), or build a State with your own q."
             )
-        return self._settled(stand(self, self.neutral() if name is None else self.posture(name), feet))
+        return self._settled(stand(self, self._plain() if name is None else self.posture(name), feet))
 
     def _settled(self, q: Array) -> State:
         state = State(self, settled(self, q, self.feet(friction=None)))
@@ -381,9 +384,20 @@ class Robot(ShapedRobot):
         return mimics(self)
 
     def _down(self) -> State:
-        """The state in which feet are assumed to be down: standing, else its only posture, else neutral."""
+        """The state in which feet are assumed to be down: standing, else its only posture, else that without postures."""
         known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
-        return self.at(known) if known is None or not self.source.feet else self.standing(known)
+        if known is None:
+            return self.at(self._plain())
+        return self.standing(known) if self.source.feet else self.at(known)
+
+    def _plain(self) -> Array:
+        """The configuration of a robot without postures: neutral, within the limits of joints that turn or slide."""
+        q = self.neutral()
+        if not self._loops:
+            at = [joint.q.start for joint in self.joints.values() if joint.nq == joint.nv == 1]
+            low, high = self.joints.limits
+            q[at] = np.clip(q[at], low[at], high[at])
+        return q
 
 
 def with_plain_things(robot: Robot, plain: object) -> Robot:
