@@ -406,7 +406,7 @@ Feet = Annotated[
 Joints = Annotated[
     list[str] | None,
     typer.Option(
-        "--joint", metavar="NAME=VALUE", help="A joint's angle in rad, or displacement in m; '*knee=-1.4' of all such; may repeat."
+        "--joint", metavar="NAME=VALUE", help="A joint's angle [rad] or displacement [m]; '*knee=-1.4' of all such; may repeat."
     ),
 ]
 Gravity = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the world, in m/s2; 0,0,-9.81 by default.")]

@@ -127,7 +127,8 @@ def balls_beside(robot: CheckedModel, constraints: Iterable[object], q: Array) -
 
 
 def _round(constraints: Iterable[object]) -> list[Any]:
-    return [c for c in constraints if getattr(c, "ball", None) is not None]
+    """Contacts at a fixed point of a ball; what rolls has none."""
+    return [c for c in constraints if getattr(c, "ball", None) is not None and hasattr(c, "placement")]
 
 
 def _beside(contact: Any, state: State) -> float:

@@ -162,7 +162,7 @@ def place_on_ground(state: State, contacts: Sequence[Resting]) -> State:
     if not feet:
         raise InputError("contacts is empty; expected at least one, e.g. robot.feet().")
     for foot in feet:
-        if not isinstance(foot, RollingBall) and (member(foot, "corners") is None or member(foot, "placement") is None):
+        if member(foot, "ball") is None and (member(foot, "corners") is None or member(foot, "placement") is None):
             raise InputError(
                 f"{made(foot).name!r:.80} is not a contact with the ground; expected e.g. robot.feet(), or an rbd.RollingBall."
             )
@@ -211,7 +211,7 @@ def _fit(robot: CheckedModel, q: Array, feet: Sequence[Resting], planes: Sequenc
     """Move the base to the least squares of the corners' distances from their planes, by Gauss-Newton steps; in place."""
     points = corner_points(State(robot, q), feet)
     sizes = [_corners(foot) for foot in feet]
-    rolls = any(map(_is_round, feet))
+    rolls = any(member(foot, "ball") is not None for foot in feet)
     n = np.repeat([np.asarray(plane.normal) for plane in planes], sizes, axis=0)
     heights = np.repeat([plane.height for plane in planes], sizes)
     for _ in range(100):
@@ -233,20 +233,16 @@ def corner_points(state: State, feet: Sequence[Resting]) -> Array:
 
 
 def _corner_points(state: State, foot: Resting) -> Array:
-    if isinstance(foot, Contact) and foot.ball is not None:
-        return foot.ball.lowest_W(state, foot.frame, np.asarray(foot.normal))[None]
-    patch = foot.rows(state).patch
-    return np.zeros((0, 3)) if patch is None else patch.corners_W
+    patch, ball = foot.rows(state).patch, member(foot, "ball")
+    if patch is None:
+        return np.zeros((0, 3))
+    return patch.corners_W if ball is None else ball.lowest_W(state, foot.frame, patch.axes[:, 2])[None]
 
 
 def _corners(foot: Resting) -> int:
     """How many corners it has."""
-    return len(foot.corners) if isinstance(foot, Contact) else 1
-
-
-def _is_round(foot: Resting) -> bool:
-    """Whether it touches with another point when the base turns."""
-    return foot.ball is not None if isinstance(foot, Contact) else True
+    corners = member(foot, "corners")
+    return 1 if corners is None else len(corners)
 
 
 def _levelling(state: State, feet: Sequence[Resting], normal: Array, axis: Array | None = None) -> Array:
