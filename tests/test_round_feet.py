@@ -63,7 +63,7 @@ def test_round_feet_are_placed_and_held_as_rolling_balls_are() -> None:
     assert np.array_equal(BENT.q, rbd.robots.place_on_ground(bent(ROBOT), BALLS).q)
     feet = ROBOT.feet(at=BENT)
     beside = [np.linalg.norm(one.offset - other.offset) for one, other in zip(feet, ROBOT.feet(), strict=True)]
-    chord = 2.0 * R * np.sin((0.7 - 0.2) / 2.0)  # shanks lean by 0.7 rad here, and by 0.2 rad at loading, where knees are at -0.2
+    chord = 2.0 * R * np.sin((0.7 - 0.2) / 2.0)  # shanks lean by 0.7 rad here, and by 0.2 rad at loading
     assert np.abs(np.array(beside) - chord).max() < 1e-12
     held, rolling = rbd.hold(BENT, feet), rbd.hold(BENT, BALLS)
     assert np.abs(held.tau - rolling.tau).max() < 1e-10
@@ -100,7 +100,8 @@ def test_points_of_another_posture_are_named(call: str) -> None:
     said = [w for w in seen if w.category is DistantContactWarning]
     assert len(said) == 1 and said[0].filename == __file__
     if "many" not in call:
-        assert all(f"'{name}' 9.9 mm" in str(said[0].message) for name in FEET) and "robot.feet(at=state)" in str(said[0].message)
+        words = str(said[0].message)
+        assert all(f"'{name}' 9.9 mm" in words for name in FEET) and "robot.feet(at=state)" in words
     with warnings.catch_warnings():
         warnings.simplefilter("error", DistantContactWarning)
         CALLS[call](ROBOT.feet(at=BENT))

@@ -61,7 +61,7 @@ def with_ball(contact: C, ball: Ball | None) -> C:
     return out
 
 
-def warn_of_balls(state: State, constraints: Iterable[object], *, stacklevel: int) -> tuple[str, ...]:
+def warn_of_balls(state: State, constraints: Sequence[object], *, stacklevel: int) -> tuple[str, ...]:
     """Warn of contacts more than a millimetre beside the lowest points of their balls; the names of these contacts.
 
     Args:
@@ -69,9 +69,12 @@ def warn_of_balls(state: State, constraints: Iterable[object], *, stacklevel: in
         constraints: Its constraints; those that are no contacts of round feet are left out.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
-    balls = _round(constraints)
-    if not balls:
+    for contact in constraints:  # a few hundred nanoseconds where there is no ball
+        if getattr(contact, "ball", None) is not None:
+            break
+    else:
         return ()
+    balls = _round(constraints)
     far = {contact.name: _beside(contact, state) for contact in balls}
     told = {name: f"{name!r:.80} {1e3 * each:.3g} mm" for name, each in far.items() if each > TOUCHES}
     if told:

@@ -14,7 +14,7 @@ from rbd.constraints.contact import Contact, PointContact, SurfaceContact
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import RIM_CORNERS, area_of, convex_hull
 from rbd.constraints.round_feet import Ball, with_ball
-from rbd.constraints.surface import On, Surface, surfaces_of
+from rbd.constraints.surface import UP, On, Surface, surfaces_of
 from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
@@ -104,24 +104,26 @@ def _of_frame(robot: CheckedModel, collision: Geometry, frame: str, at: State) -
             "rbd.SurfaceContact(name, frame, corners=..., placement=...)."
         )
     foot = _foot(frame, frame, found.X_FP, found.corners)
-    return foot if foot.kind == "sole" else replace(foot, ball=_ball_of(_shapes(robot, collision, frame), at, foot))
+    return foot if foot.kind == "sole" else _rounded(foot, _shapes(robot, collision, frame), at)
 
 
-def _ball_of(shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], at: State, foot: Foot) -> Ball | None:
-    """The ball of centre c and radius r whose lowest points have the heights of the shapes' along directions near to down.
+def _rounded(foot: Foot, shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], at: State) -> Foot:
+    """The foot with the ball whose lowest points have the heights of the shapes' along directions near to down, at its point.
 
     That is u c + r = max u p over the shapes' points p, for unit vectors u: exact of balls and of the ends of capsules, by
-    least squares of meshes and ellipsoids. None where it misses a height, or the foot's point, by a millimetre: of a corner.
+    least squares of meshes and ellipsoids. The same foot where it misses a height by a millimetre, or is that of a corner.
     """
-    down = -at.frame(foot.frame).X_WF.rotation[2]
+    R_WF = at.frame(foot.frame).X_WF.rotation
+    down = -R_WF[2]
     u = down + np.tan(_CAP) * _DISK @ np.linalg.svd(down[None])[2][1:]
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     heights = np.array([(_points(shapes, each) @ each).max() for each in u])
-    (*centre, r), *_ = np.linalg.lstsq(np.column_stack([u, np.ones(len(u))]), heights)
+    *centre, r = np.linalg.lstsq(np.column_stack([u, np.ones(len(u))]), heights)[0]
     ball = Ball((float(centre[0]), float(centre[1]), float(centre[2])), float(r))
-    misses = np.abs(u @ centre + r - heights).max()
-    beside = np.linalg.norm(centre + r * down - foot.translation)
-    return ball if r > 0.0 and max(misses, beside) <= TOUCHES else None
+    if r < TOUCHES or np.abs(u @ centre + r - heights).max() > TOUCHES:
+        return foot
+    x, y, z = ball.lowest(R_WF, UP).tolist()
+    return replace(foot, translation=(x, y, z), ball=ball)
 
 
 def _of_contact(robot: CheckedModel, contact: Contact) -> Foot:
