@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from test_cli import run
 
 import rbd
@@ -155,6 +156,20 @@ def test_what_is_round_is_remembered(shape: str, radius: float | None) -> None:
     robot = rbd.load_robot(text=pony(shape), feet=FEET[:1])
     (foot,) = robot.feet(at=bent(robot))
     assert foot.ball is None if radius is None else abs(foot.ball.radius - radius) < 1e-12
+
+
+def test_a_mesh_of_a_ball_is_taken_as_its_ball(tmp_path: Path) -> None:
+    """Of 150 corners, whose facets sag by 0.3 mm: its lowest point in another posture, to twice that."""
+    i = np.arange(150) + 0.5
+    z, turn = 1.0 - 2.0 * i / 150.0, np.pi * (1.0 + 5.0**0.5) * i
+    points = R * np.column_stack([np.sqrt(1.0 - z**2) * np.cos(turn), np.sqrt(1.0 - z**2) * np.sin(turn), z])
+    loops = ("\n".join(f"vertex {x:.9f} {y:.9f} {z:.9f}" for x, y, z in points[each]) for each in ConvexHull(points).simplices)
+    facets = "\n".join(f"facet normal 0 0 0\nouter loop\n{loop}\nendloop\nendfacet" for loop in loops)
+    (tmp_path / "ball.stl").write_text(f"solid ball\n{facets}\nendsolid ball\n")
+    (tmp_path / "pony.urdf").write_text(pony('<mesh filename="ball.stl"/>'))
+    robot = rbd.load_robot(tmp_path / "pony.urdf", feet=FEET)
+    for foot, ball in zip(robot.feet(at=bent(robot)), ROBOT.feet(at=BENT), strict=True):
+        assert np.linalg.norm(foot.offset - ball.offset) < 6e-4
 
 
 def test_a_file_without_postures_stands_within_its_limits() -> None:
