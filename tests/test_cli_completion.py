@@ -36,6 +36,7 @@ def completed(line: str) -> list[str]:
         ("rbd simulate nobody --at ", []),
         ("rbd stand talos --law c", ["coulomb", "convex"]),
         ("rbd check a.csv --robot four_", ["four_bar"]),
+        ("rbd stand solo12 --joint FL_K", ["FL_KFE="]),
     ],
 )
 def test_a_shell_completes_robots_frames_and_postures(line: str, expected: list[str]):

@@ -31,6 +31,7 @@ from rbd.cli.terminal import (
     Feet,
     Friction,
     Gravity,
+    Joints,
     Json,
     Law,
     Motion,
@@ -190,6 +191,7 @@ def simulate(
     ] = None,
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
+    joint: Joints = None,
     ground: GroundOption = None,
     root: Annotated[str | None, typer.Option(help="Base: free_flyer, planar or fixed; arms are fixed by default.")] = None,
     gravity: Gravity = None,
@@ -231,7 +233,9 @@ def simulate(
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):
-            given = setup(found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops, ground=on)
+            given = setup(
+                found, posture=posture, friction=friction, hold=hold_, bodies=bodies, stops=stops, ground=on, joints=joint
+            )
         external = Pushes(pushed) if pushed else None
         with timed(seconds, "simulate"):
             trajectory, stopped = reached(

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -108,14 +110,27 @@ def ground_of(text: str, option: str = "--ground", robot: Robot | None = None) -
     return Terrain.stairs(rise, depth, int(steps), start=(x, 0.0, 0.0))
 
 
-def standing_on(robot: Robot, posture: str | None, ground: float | Terrain | None) -> State:
+def standing_on(
+    robot: Robot, posture: str | None, ground: float | Terrain | None, joints: Mapping[str, float] = MappingProxyType({})
+) -> State:
     """The robot on its feet, as `robot.standing`; on ground that is given its centre of mass where it is over level ground.
+
+    Args:
+        robot: The robot.
+        posture: A posture's name, or None.
+        ground: Under its feet.
+        joints: {joint: value} that replace those of the posture; the base is then placed by `rbd.robots.place_on_ground`.
 
     Raises:
         InputError: a foot is over no ground.
         CannotReach: its joints do not take its feet there.
     """
     state = robot.standing(posture)
+    if joints:
+        from rbd.robots.posture import place_on_ground
+
+        state = state.with_joints(joints)
+        state = place_on_ground(state, robot.feet(None)) if robot.floating else state
     if ground is None:
         return state
     from rbd.mechanism.pose_search import find_pose

@@ -122,7 +122,7 @@ class Standing:
         yield verdict if possible else self._refused(many, (*moves, *used))
 
     def _feet(self, friction: float) -> Sequence[Constraint]:
-        return self.robot.feet(friction, facets=self.facets, on=self.ground)
+        return self.robot.feet(friction, facets=self.facets, on=self.ground, at=self.state)
 
     def _unpushed(self, feet: Sequence[Constraint]) -> Actuation | None:
         found = hold_many(self.robot, self.state.q[None], feet)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rbd.robots.robot import Robot
 
 PANELS = {
-    "Robot": "feet_ posture root gravity package_dir beside motors",
+    "Robot": "feet_ posture joint root gravity package_dir beside motors",
     "Contact and ground": "friction facets law ground terrain bodies margin torque_limits threshold self_collision "
     "touch_height touch_speed",
     "Push": "push at from_ for_ braced",
@@ -72,6 +72,11 @@ def posture_names(ctx: typer.Context, incomplete: str) -> list[str]:
     return _of_robot(ctx, incomplete, lambda robot: list(robot.postures))
 
 
+def joint_names(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Joints of one coordinate of the robot that the line names, that begin so, each before its equals sign."""
+    return _of_robot(ctx, incomplete, lambda robot: [f"{name}=" for name, joint in robot.joints.items() if joint.nv == 1])
+
+
 def choices(*names: str) -> Callable[[str], list[str]]:
     """Completes one of some words."""
 
@@ -107,6 +112,7 @@ _COMPLETED: dict[str, Callable[..., list[str]]] = {
     "feet_": frame_names,
     "keep": frame_names,
     "posture": posture_names,
+    "joint": joint_names,
     "law": choices("coulomb", "convex"),
     "root": choices("free_flyer", "planar", "fixed"),
     "gait": choices("walk", "crawl", "trot", "pace", "bound"),

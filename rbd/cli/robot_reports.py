@@ -17,8 +17,9 @@ from rbd.answers.comparison import Confirmation, confirmed_by_qp, obeys_gauss
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first
 from rbd.cli.ground_option import standing_on
-from rbd.cli.terminal import TerminalTable, facts, in_commands, in_gravity, in_options, save_figure, timed
+from rbd.cli.terminal import TerminalTable, facts, in_commands, in_gravity, in_options, joints_of, save_figure, timed
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.distance_warnings import beyond_limits_words
 from rbd.constraints.terrain.terrain import Terrain
 from rbd.errors import CannotHold, InputError, ModelWarning, RbdError
 from rbd.installation import in_use
@@ -226,7 +227,9 @@ class StandReport:
             unknown = "Whether motors can withstand the push was not found."
             return [said if self.against.limits else unknown, in_options(str(self.against))]
         said = f"{self.held.state.robot.name} stands" if self.against is None else "Motors can withstand the push"
-        return [f"{said}: {', '.join(strain(self.against or self.held)) or 'no limits are stated'}."]
+        beyond = beyond_limits_words(self.held.state)
+        limits = [f"Not within its joint limits: {beyond}. Give angles within them, --joint NAME=VALUE."] if beyond else []
+        return [f"{said}: {', '.join(strain(self.against or self.held)) or 'no limits are stated'}.", *limits]
 
     def _headline(self) -> str:
         robot = self.held.state.robot
@@ -386,6 +389,7 @@ def report_region(
     torque_limits: bool,
     gravity: str | None = None,
     ground: float | Terrain | None = None,
+    joints: Sequence[str] | None = None,
 ) -> RegionReport:
     """The report of a robot on its feet; with torque limits asked for, that region first.
 
@@ -399,7 +403,8 @@ def report_region(
     if not robot.source.feet:
         raise InputError(f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do.")
     with timed(seconds, "regions"):
-        state, feet = standing_on(robot, posture, ground), robot.feet(friction, on=0.0 if ground is None else ground)
+        state = standing_on(robot, posture, ground, joints_of(joints, robot))
+        feet = robot.feet(friction, on=0.0 if ground is None else ground, at=state)
         out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
         out["torques of any size"] = support_region(state, feet, margin=margin)
     return RegionReport(out, seconds)

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from rbd.cli.ground_option import standing_on
 from rbd.cli.mechanism_report import assembled
-from rbd.cli.terminal import facts, numbers_of, save_figure
+from rbd.cli.terminal import facts, joints_of, numbers_of, save_figure
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
@@ -259,6 +259,7 @@ def setup(
     bodies: bool | None = None,
     stops: bool = False,
     ground: float | Terrain | None = None,
+    joints: Sequence[str] | None = None,
 ) -> SimulationSetup:
     """Default setup for a robot.
 
@@ -274,6 +275,7 @@ def setup(
             then laid on it. None: where a robot on feet has such shapes, so that one that falls ends on the ground.
         stops: Whether its joints stop at the limits of its file.
         ground: What it touches; None: z = 0.
+        joints: Values that replace those of the posture, NAME=VALUE each, as of `--joint`.
 
     Raises:
         CannotHold: the posture cannot be held; names the limit that prevents it.
@@ -283,12 +285,13 @@ def setup(
     """
     held = (*robot.loops(), *robot.wheels())
     feet: tuple[Constraint, ...] = ()
-    on = 0.0 if ground is None else ground
+    on, angles = 0.0 if ground is None else ground, joints_of(joints, robot)
     if robot.source.feet and robot.floating:
-        state, feet = standing_on(robot, posture, ground), tuple(robot.feet(friction, on=on))
+        state = standing_on(robot, posture, ground, angles)
+        feet = tuple(robot.feet(friction, on=on, at=state))
     else:
         name = posture or robot.source.posture or next(iter(robot.postures), None)
-        state = assembled(robot, held, robot.at(name))
+        state = assembled(robot, held, robot.at(name).with_joints(angles))
     soles = {robot.site(contact.frame)[0] for contact in feet}  # type: ignore[attr-defined]
     shapes = tuple(g.name for g in robot.collision_model.geometryObjects if g.parentJoint not in {0, *soles})
     if bodies is None:

@@ -19,6 +19,7 @@ from rbd.cli.terminal import (
     Feet,
     Friction,
     Gravity,
+    Joints,
     Json,
     Law,
     Out,
@@ -31,6 +32,7 @@ from rbd.cli.terminal import (
     answering,
     check_outputs,
     in_gravity,
+    joints_of,
     names_of,
     numbers_of,
     open_console,
@@ -57,6 +59,7 @@ def stand(
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="Frame that is pushed (the heaviest link's).")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="Apply torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    joint: Joints = None,
     ground: GroundOption = None,
     gravity: Gravity = None,
     package_dir: PackageDirs = None,
@@ -103,7 +106,7 @@ def stand(
         if sweep:
             _only(
                 {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose, "--gravity": gravity}
-                | {"--ground": ground},
+                | {"--ground": ground, "--joint": joint},
                 "is of one case; --sweep has many",
             )
             _only(
@@ -141,9 +144,9 @@ def stand(
             loaded = in_gravity(loaded, gravity)
         _on_feet(loaded)
         with timed(seconds, "stand"):
-            state = standing_on(loaded, posture, on)
+            state = standing_on(loaded, posture, on, joints_of(joint, loaded))
             under = 0.0 if on is None else on
-            feet = loaded.feet(friction, facets=facets, on=under)
+            feet = loaded.feet(friction, facets=facets, on=under, at=state)
         at = heaviest_link(loaded) if at is None else at
         external = [] if force is None else [ExternalForce(at, force)]
         for e in external:
@@ -183,6 +186,7 @@ def region(
     friction: Friction = 0.7,
     margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    joint: Joints = None,
     ground: GroundOption = None,
     gravity: Gravity = None,
     package_dir: PackageDirs = None,
@@ -201,7 +205,7 @@ def region(
         check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
         report = report_region(
             robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity,
-            ground=None if ground is None else ground_of(ground),
+            ground=None if ground is None else ground_of(ground), joints=joint,
         )  # fmt: skip
         print_report(console, report, json_, verbose)
         write_outputs(console, ("picture", png, partial(draw, report.regions)))

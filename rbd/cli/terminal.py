@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
     from rbd.arrays import Array
     from rbd.control.schedules import Pushes
+    from rbd.model.checked_model import CheckedModel
     from rbd.motion.report import MotionReport
     from rbd.robots.robot import Robot
     from rbd.simulation.trajectory import Trajectory
@@ -125,11 +126,33 @@ def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:
         values = np.zeros(0)
     finite = bool((np.abs(values) < 1e150).all())  # and small enough to be squared
     if not finite or not len(values) or (count and len(values) != count):
-        many = {0: "", 2: "two ", 3: "three "}[count] + ("" if finite else "finite ") + "numbers"
-        example = "0,80,0" if count == 3 else "0.5,0.5"
+        many = {0: "", 1: "one ", 2: "two ", 3: "three "}[count] + ("" if finite else "finite ")
+        many += "number" if count == 1 else "numbers"
+        example = {1: "0.5", 3: "0,80,0"}.get(count, "0.5,0.5")
         expected = f"{many}, {names} in {unit}" if names else f"{many} with commas between, in {unit}"
         raise InputError(f"{option} is {text!r:.80}; expected {expected}, e.g. {example}.")
     return values
+
+
+def joints_of(options: Sequence[str] | None, robot: CheckedModel) -> dict[str, float]:
+    """{joint: value} of the options `--joint NAME=VALUE`; a pattern is of all joints of one coordinate that are like it.
+
+    Raises:
+        InputError: no equals sign, no number, a joint twice.
+        JointNotFound: with the nearest names.
+    """
+    found: dict[str, float] = {}
+    for option in options or ():
+        name, equals, text = (part.strip() for part in option.partition("="))
+        if not equals or not name:
+            raise InputError(f"--joint is {option!r:.80}; expected NAME=VALUE, e.g. knee=-1.4, or '*knee=-1.4' of all like it.")
+        (value,) = numbers_of(f"--joint {name}", text, "rad or m", names="VALUE")
+        like = dict.fromkeys(robot.joints.positions[i].joint for i in robot.joints.q_of(name).tolist())
+        named = [name] if name in like else [joint for joint in like if robot.joints[joint].nv == 1]
+        if twice := [joint for joint in named if joint in found]:
+            raise InputError(f"--joint names {twice[0]!r:.80} twice; expected each joint once.")
+        found |= dict.fromkeys(named, float(value))
+    return found
 
 
 def names_of(option: str, text: str | None) -> list[str] | None:
@@ -379,6 +402,12 @@ Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
 Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
 Feet = Annotated[
     str | None, typer.Option("--feet", metavar="A,B", help="Frames of its feet; those of the catalogue by default.")
+]
+Joints = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--joint", metavar="NAME=VALUE", help="A joint's angle [rad] or displacement [m]; '*knee=-1.4' of all such; may repeat."
+    ),
 ]
 Gravity = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the world, in m/s2; 0,0,-9.81 by default.")]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]

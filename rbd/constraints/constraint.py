@@ -10,6 +10,7 @@ package read them through the functions of this module, which supply the default
     with_margin(margin)           the same with another margin [m], for kinds whose points appear and disappear
     on                            what it touches, `rbd.Ground` or `rbd.Body`; a moving ground moves the contact too
     friction, with_friction(mu)   its coefficient, None where bilateral; the same with another one
+    ball                          the ball with which it touches, `rbd.constraints.round_feet.Ball`: a robot is placed by it
     frames                        names of its frames: one on the ground, two between bodies
     loop_dof(state, normal)  for a loop closure: number of free relative velocities, of six; or, if all
                                   motion is across `normal`, of three. `rbd.solve` warns if it is open

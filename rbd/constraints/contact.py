@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +18,7 @@ import pinocchio as pin
 from rbd.arrays import ABOVE_ZERO, Array, as_array, as_vector3, check_number, is_finite
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.ground_points import Grounds, OnGround
+from rbd.constraints.round_feet import Ball
 from rbd.constraints.surface import (
     HERE,
     UP,
@@ -86,6 +87,7 @@ class Contact(Displayed):
             error is zero, and to first order elsewhere. None gives no error. See `anchored`.
         cone: Set of its row forces.
         plane: What its gap is measured from: its ground's plane, or the one through the anchor; None if unknown.
+        ball: Of a round foot of `robot.feet()`, which has the point of one posture: a warning names it where another is lowest.
 
     Raises:
         InputError: negative friction, corners of zero length or area, numbers that are not finite.
@@ -115,6 +117,7 @@ class Contact(Displayed):
     _reach: float = field(init=False, repr=False)
     _axes: Array = field(init=False, repr=False)
     _upright: bool = field(init=False, repr=False)
+    ball: ClassVar[Ball | None] = None
 
     def __init__(
         self,

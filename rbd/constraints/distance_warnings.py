@@ -170,17 +170,28 @@ def warn_of_limits(state: State, constraints: Sequence[Constraint] = (), *, stac
         return
     low, high = joint_bounds(robot, constraints)
     beyond = (state.q < low) | (state.q > high)
-    names = list(dict.fromkeys(robot.joints.positions[i].joint for i in beyond.nonzero()[0].tolist()))
-    if names:
+    if beyond.any():
         state.limits_checked = True
-        told = [_beyond(joint, float(state.q[joint.q.start])) for joint in map(robot.joints.__getitem__, names[:6])]
-        more = f" and {len(names) - 6} more" if len(names) > 6 else ""
         warnings.warn(
-            f"joints of {robot.name} are beyond their limits: {'; '.join(told)}{more}. The pose is taken as it is. "
+            f"joints of {robot.name} are beyond their limits: {_beyond_words(state, beyond)}. The pose is taken as it is. "
             "Angles are in radians; robot.joints lists the limits.",
             JointLimitWarning,
             stacklevel=stacklevel,
         )
+
+
+def beyond_limits_words(state: State) -> str:
+    """The joints that are beyond their limits, with these; empty where none is."""
+    low, high = joint_bounds(state.robot, ())
+    beyond = (state.q < low) | (state.q > high)
+    return _beyond_words(state, beyond) if beyond.any() else ""
+
+
+def _beyond_words(state: State, beyond: Array) -> str:
+    joints = state.robot.joints
+    names = list(dict.fromkeys(joints.positions[i].joint for i in beyond.nonzero()[0].tolist()))
+    told = [_beyond(joint, float(state.q[joint.q.start])) for joint in map(joints.__getitem__, names[:6])]
+    return "; ".join(told) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
 
 
 def joint_bounds(robot: CheckedModel, constraints: Sequence[Constraint]) -> tuple[Array, Array]:

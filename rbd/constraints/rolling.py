@@ -25,6 +25,7 @@ import numpy as np
 
 from rbd.arrays import ABOVE_ZERO, Array, as_finite, check_number, cross_matrix, locked
 from rbd.constraints.function import UserFunction
+from rbd.constraints.round_feet import Ball
 from rbd.constraints.surface import (
     HERE,
     UP,
@@ -146,6 +147,11 @@ class RollingBall(Rolling, Displayed):
         >>> solution.a[[0, 2, 4]].round(3)  # down the slope, turning about y
         array([ 2.825, -2.119, 70.632])
     """
+
+    @property
+    def ball(self) -> Ball:
+        """The ball itself, in its frame."""
+        return Ball((0.0, 0.0, 0.0), float(self.radius))
 
     def rows(self, state: State) -> Rows:
         """Three rows (tangent, tangent, normal), or the normal one alone without friction.

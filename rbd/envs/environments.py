@@ -167,7 +167,7 @@ class RobotVectorEnv(Displayed, VectorEnv):
         self.mode = _mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.mode}
         standing = robot.standing()
-        feet = listed_items("contacts", robot.feet() if contacts is None else contacts, "a list of contacts")
+        feet = listed_items("contacts", robot.feet(at=standing) if contacts is None else contacts, "a list of contacts")
         self.reference = Reference(robot, standing, feet, motion, step * self.every)
         self.pushes = pushes or RandomPushes((0.0, 0.0))
         nothing, zeros = np.zeros((n, 3)), np.zeros(n)

@@ -151,7 +151,8 @@ class OpeningContactWarning(RbdWarning):
 class DistantContactWarning(RbdWarning):
     """A contact is more than a millimetre off its plane, or two bodies inside each other; it is solved as if it touched.
 
-    In `simulate` also: a contact that can break has no ground, and stands on the plane through its first pose.
+    In `simulate` also: a contact that can break has no ground, and stands on the plane through its first pose. Of a robot with
+    balls for feet also: a ball's lowest point is more than a millimetre beside the contact point, see `rbd.Robot.feet`.
 
     Example:
         >>> import warnings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -208,18 +208,25 @@ def _of_contact(contact: Contact, where: object, posture: State) -> Target:
             plane = _known(name, where)
         elif where is not None:
             plane = Ground(point=_near(f"height of {name!r:.80}", np.array([0.0, 0.0, height])))
+        if contact.ball is not None:  # its centre is above the plane
+            above = np.asarray(plane.point) + contact.ball.radius * np.asarray(plane.normal)
+            plane = replace(plane, point=above)
         return Target(name, contact.frame, X_FP, plane=plane, normal=np.asarray(plane.normal) if flat else None)
     if isinstance(where, pin.SE3) and not flat:
         raise InputError(f"{name!r:.80} is a point contact, which has no axes; give its place as (x, y, z).")
     point, given, axes = _place(name, where)
     if given is not None and not flat:
         raise InputError(f"{name!r:.80} is a point contact, which has no direction; give its place as (x, y, z).")
+    if contact.ball is not None:
+        point = point + contact.ball.radius * np.asarray(plane.normal)
     z = None if axes is not None or not flat else np.asarray(plane.normal) if given is None else given
     return Target(name, contact.frame, X_FP, point, normal=z, axes=axes)
 
 
 def _patch(contact: Contact) -> pin.SE3:
-    """X_FP; for a point contact its origin is the point."""
+    """X_FP; for a point contact its origin is the point, of a round foot the centre of the ball."""
+    if contact.ball is not None:
+        return pin.SE3(np.eye(3), np.array(contact.ball.centre))
     if len(contact.corners) > 1:
         return contact.placement
     return contact.placement * pin.SE3(np.eye(3), np.array(contact.corners[0]))

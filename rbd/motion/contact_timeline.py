@@ -333,6 +333,8 @@ class FloorPoints:
 
 def _corners(robot: CheckedModel, foot: Contact) -> tuple[int, Array, Array]:
     joint, X_JF = robot.site(foot.frame)
+    if foot.ball is not None:
+        return joint, X_JF.act(np.array(foot.ball.centre))[None], np.array([foot.ball.radius])
     X = X_JF * foot.placement
     return joint, foot.corners @ X.rotation.T + X.translation, np.zeros(len(foot.corners))
 

@@ -22,6 +22,7 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
+from rbd.constraints.round_feet import Ball
 from rbd.errors import InputError, ModelError, UnknownRobot, nearest
 from rbd.errors.inputs import listed_items
 from rbd.model.input_files import is_file
@@ -60,6 +61,7 @@ class Foot:
         translation: p_FP [m], the middle of the patch or the point of contact.
         rpy: Roll, pitch, yaw of P in F [rad].
         corners: (x, y), or (x, y, z), in P [m], in order around the sole.
+        ball: Of a round foot that a user names: its lowest point is that of any posture.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Foot:
     translation: Triple
     rpy: Triple = (0.0, 0.0, 0.0)
     corners: tuple[tuple[float, ...], ...] = ()
+    ball: Ball | None = None
 
     @property
     def rotation(self) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import coal
 import numpy as np
@@ -13,28 +13,38 @@ from rbd.arrays import Array, largest_first
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
 from rbd.constraints.convex.convex_shapes import parts_of
 from rbd.constraints.convex.polygons import RIM_CORNERS, area_of, convex_hull
-from rbd.constraints.surface import On, Surface, surfaces_of
+from rbd.constraints.round_feet import Ball, with_ball
+from rbd.constraints.surface import UP, On, Surface, surfaces_of
 from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.meshes import Geometry, solid_hull
 from rbd.model.state import State
 from rbd.problem.cones import Cone
+from rbd.problem.ground import TOUCHES
 from rbd.robots.catalogue import Foot
 
 
 def contacts_of(
-    feet: Sequence[Foot], friction: float | Cone | None, facets: int, on: On | Mapping[str, On]
+    feet: Sequence[Foot], friction: float | Cone | None, facets: int, on: On | Mapping[str, On], at: State | None = None
 ) -> list[SurfaceContact | PointContact]:
     """Feet as contacts; see `rbd.Robot.feet`."""
     planes = surfaces_of([foot.name for foot in feet], on)
-    return [_contact(foot, friction, facets, planes[foot.name]) for foot in feet]
+    return [_contact(foot, friction, facets, planes[foot.name], at) for foot in feet]
 
 
-def _contact(foot: Foot, friction: float | Cone | None, facets: int, on: Surface) -> SurfaceContact | PointContact:
+def _contact(
+    foot: Foot, friction: float | Cone | None, facets: int, on: Surface, at: State | None
+) -> SurfaceContact | PointContact:
     name, frame = foot.name, foot.frame
     if foot.kind == "point":
-        return PointContact(name, frame, offset=foot.translation, friction=friction, facets=facets, on=on)
+        point = PointContact(name, frame, offset=foot.translation, friction=friction, facets=facets, on=on)
+        if foot.ball is None:
+            return point
+        if at is not None:
+            lowest = foot.ball.lowest(at.frame(frame).X_WF.rotation, np.asarray(point.normal))
+            point = PointContact(name, frame, offset=lowest, friction=friction, facets=facets, on=on)
+        return with_ball(point, foot.ball)
     X_FP = pin.SE3(foot.rotation, np.array(foot.translation))
     return SurfaceContact(name, frame, corners=foot.corners, placement=X_FP, friction=friction, facets=facets, on=on)
 
@@ -93,7 +103,27 @@ def _of_frame(robot: CheckedModel, collision: Geometry, frame: str, at: State) -
             f"the body of frame {frame!r:.80} of {robot.name} stands on an edge. Give its foot as a contact: "
             "rbd.SurfaceContact(name, frame, corners=..., placement=...)."
         )
-    return _foot(frame, frame, found.X_FP, found.corners)
+    foot = _foot(frame, frame, found.X_FP, found.corners)
+    return foot if foot.kind == "sole" else _rounded(foot, _shapes(robot, collision, frame), at)
+
+
+def _rounded(foot: Foot, shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], at: State) -> Foot:
+    """The foot with the ball whose lowest points have the heights of the shapes' along directions near to down, at its point.
+
+    That is u c + r = max u p over the shapes' points p, for unit vectors u: exact of balls and of the ends of capsules, by
+    least squares of meshes and ellipsoids. The same foot where it misses a height by a millimetre, or is that of a corner.
+    """
+    R_WF = at.frame(foot.frame).X_WF.rotation
+    down = -R_WF[2]
+    u = down + np.tan(_CAP) * _DISK @ np.linalg.svd(down[None])[2][1:]
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    heights = np.array([(_points(shapes, each) @ each).max() for each in u])
+    *centre, r = np.linalg.lstsq(np.column_stack([u, np.ones(len(u))]), heights)[0]
+    ball = Ball((float(centre[0]), float(centre[1]), float(centre[2])), float(r))
+    if r < TOUCHES or np.abs(u @ centre + r - heights).max() > TOUCHES:
+        return foot
+    x, y, z = ball.lowest(R_WF, UP).tolist()
+    return replace(foot, translation=(x, y, z), ball=ball)
 
 
 def _of_contact(robot: CheckedModel, contact: Contact) -> Foot:
@@ -122,6 +152,10 @@ LEAST_WIDTH_M = 1e-3
 ROUND_WIDTH_M = 0.03
 ROUND_SHARE = 0.5
 """A narrow patch that has less than this share of its area in its lowest quarter of height is the bottom of a ball."""
+_CAP = np.radians(30.0)
+"""A ball is fitted to directions up to this from down."""
+_DISK = np.array([(0.0, 0.0), *((x * np.cos(a), x * np.sin(a)) for x in (0.5, 1.0) for a in np.arange(12) * np.pi / 6.0)])
+"""Places in a disk of radius 1, shape (25, 2)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -171,17 +205,26 @@ def underside_of(robot: CheckedModel, collision: Geometry, frame: str, state: St
         FrameNotFound: with the nearest names.
         ModelError: no collision shapes there.
     """
-    joint, X_JF = robot.site(frame)
-    body = [obj for obj in collision.model.geometryObjects if obj.parentJoint == joint]
-    shapes = [(obj.geometry, X_JF.actInv(obj.placement)) for obj in body if obj.name not in collision.stand_ins]
-    by_hand = f"rbd.SurfaceContact(name, {frame!r}, corners=..., placement=...)"
-    if not shapes:
-        why = "its collision meshes cannot be had" if body else "its file gives no collision shape to that body"
-        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {why}. Give the corners: {by_hand}.")
+    shapes = _shapes(robot, collision, frame)
     try:
         return flat_underside(shapes, state.frame(frame).X_WF.rotation)
     except ModelError as error:
-        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {error}. Give the corners: {by_hand}.") from None
+        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {error}. {_by_hand(frame)}.") from None
+
+
+def _shapes(robot: CheckedModel, collision: Geometry, frame: str) -> list[tuple[coal.CollisionGeometry, pin.SE3]]:
+    """Collision shapes of the body that carries a frame, with their poses in it; boxes that replace meshes do not count."""
+    joint, X_JF = robot.site(frame)
+    body = [obj for obj in collision.model.geometryObjects if obj.parentJoint == joint]
+    shapes = [(obj.geometry, X_JF.actInv(obj.placement)) for obj in body if obj.name not in collision.stand_ins]
+    if not shapes:
+        why = "its collision meshes cannot be had" if body else "its file gives no collision shape to that body"
+        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {why}. {_by_hand(frame)}.")
+    return shapes
+
+
+def _by_hand(frame: str) -> str:
+    return f"Give the corners: rbd.SurfaceContact(name, {frame!r}, corners=..., placement=...)"
 
 
 def flat_underside(

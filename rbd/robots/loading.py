@@ -63,8 +63,9 @@ def load_robot(
             equation of motion has no term, so that the file would else be refused; "springs" of joints, which are else in
             `robot.joint_springs()`; "actuators" gives every joint a motor without limits in place of those of the file.
         feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
-            with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
-            posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
+            with the flat underside of its body's collision shapes (for a ball its lowest point: see `rbd.Robot.feet`),
+            taken where `robot.standing()` has its joints; or surface and point contacts, whose friction and ground
+            `robot.feet` replaces.
         gravity: In W, shape (3,) [m/s2]; zero too. By default that of an MJCF's <option>, else (0, 0, -9.81). The planes of
             contacts stay: see `robot.with_gravity`.
         plane: Of a planar root, the axes of W along which it slides: that of the loop file by default, else "xy", the ground;

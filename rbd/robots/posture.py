@@ -14,6 +14,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.constraint import listed, made, member
 from rbd.constraints.contact import Contact
+from rbd.constraints.rolling import RollingBall
 from rbd.constraints.surface import shortest_turn, standing_plane
 from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
@@ -23,6 +24,8 @@ from rbd.model.urdf import BASE_JOINT, Complaints
 from rbd.model.world import LEAST_FALL
 from rbd.problem.ground import FLOOR, TOUCHES, Ground
 
+Resting = Contact | RollingBall
+"""What a robot can be placed on."""
 UP = np.array([0.0, 0.0, 1.0])
 ROUNDED = 1e-4
 """Joint motions smaller than this are those of rounded angles and axes in a file [rad, m]."""
@@ -114,12 +117,14 @@ def settled(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
 
 def _heights(state: State, foot: Contact) -> tuple[Array, Array]:
     """(heights, rates): of a foot's corners above z = 0 [m], and their Jacobian, shapes (k,) and (k, nv)."""
-    X_WP, J, _, _ = state.moving(foot.frame, foot.placement, pin.LOCAL_WORLD_ALIGNED)
-    x, y, z = X_WP.rotation @ foot.corners.T
+    ball = foot.ball
+    X_FP = foot.placement if ball is None else pin.SE3(np.eye(3), np.array(ball.centre))
+    X_WP, J, _, _ = state.moving(foot.frame, X_FP, pin.LOCAL_WORLD_ALIGNED)
+    x, y, z = X_WP.rotation @ foot.corners.T - (0.0 if ball is None else [[0.0], [0.0], [ball.radius]])
     return X_WP.translation[2] + z, J[2] + np.outer(y, J[3]) - np.outer(x, J[4])
 
 
-def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
+def place_on_ground(state: State, contacts: Sequence[Resting]) -> State:
     """The state with its base placed so that contacts lie on their ground; joints and v are unchanged.
 
     For one plane, the base rotates about its origin by the smallest rotation that aligns the mean normal of the patches (for
@@ -135,7 +140,8 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     Args:
         state: A robot with a floating base.
         contacts: Feet or other contacts; their friction is not used. Each lies on the plane of its `on`, which goes through W's
-            origin if only its normal is given; on z = 0 if nothing is.
+            origin if only its normal is given; on z = 0 if nothing is. Round feet and `rbd.RollingBall` touch with the lowest
+            points of their balls: `robot.feet(at=state)` has these as points of contact.
 
     Raises:
         InputError: no contacts, one with a body, or a robot without a single floating base.
@@ -156,8 +162,10 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     if not feet:
         raise InputError("contacts is empty; expected at least one, e.g. robot.feet().")
     for foot in feet:
-        if member(foot, "corners") is None or member(foot, "placement") is None:
-            raise InputError(f"{made(foot).name!r:.80} is not a contact with the ground; expected e.g. robot.feet().")
+        if member(foot, "ball") is None and (member(foot, "corners") is None or member(foot, "placement") is None):
+            raise InputError(
+                f"{made(foot).name!r:.80} is not a contact with the ground; expected e.g. robot.feet(), or an rbd.RollingBall."
+            )
     planes, q = [_plane_under(state, foot) for foot in feet], state.q.copy()  # type: ignore[arg-type]
     up = np.sum([np.asarray(plane.normal) for plane in planes], axis=0)
     if np.linalg.norm(up) > 1e-3 * len(planes):  # opposite walls do not determine the tilt
@@ -172,7 +180,7 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     return placed
 
 
-def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> None:
+def warn_of_gaps(state: State, feet: Sequence[Resting], *, stacklevel: int) -> None:
     """Name the feet that the joint angles leave off their ground, by more than a millimetre; `stacklevel` as of `warnings`."""
     told = []
     for foot in feet:
@@ -189,20 +197,21 @@ def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> N
         )
 
 
-def _plane_under(state: State, foot: Contact) -> Ground:
+def _plane_under(state: State, foot: Resting) -> Ground:
     return standing_plane(foot.name, foot.on, corner_points(state, [foot]).mean(axis=0))
 
 
-def _lower(robot: CheckedModel, q: Array, feet: Sequence[Contact], plane: Ground) -> None:
+def _lower(robot: CheckedModel, q: Array, feet: Sequence[Resting], plane: Ground) -> None:
     """Move the base along a plane's normal until the lowest corner touches; in place."""
     depth = plane.distances(corner_points(State(robot, q), feet)).min()
     _move(robot, q, pin.SE3(np.eye(3), -depth * np.asarray(plane.normal)))
 
 
-def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequence[Ground]) -> None:
+def _fit(robot: CheckedModel, q: Array, feet: Sequence[Resting], planes: Sequence[Ground]) -> None:
     """Move the base to the least squares of the corners' distances from their planes, by Gauss-Newton steps; in place."""
     points = corner_points(State(robot, q), feet)
-    sizes = [len(foot.corners) for foot in feet]
+    sizes = [_corners(foot) for foot in feet]
+    rolls = any(member(foot, "ball") is not None for foot in feet)
     n = np.repeat([np.asarray(plane.normal) for plane in planes], sizes, axis=0)
     heights = np.repeat([plane.height for plane in planes], sizes)
     for _ in range(100):
@@ -212,19 +221,33 @@ def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequenc
         R = pin.exp3(step[3:])
         points = middle + step[:3] + (points - middle) @ R.T
         _move(robot, q, pin.SE3(R, middle + step[:3] - R @ middle))
+        if rolls:  # others touch
+            points = corner_points(State(robot, q), feet)
         if np.abs(step).max() < 1e-15:
             break
 
 
-def corner_points(state: State, feet: Sequence[Contact]) -> Array:
-    """All corners of the feet, in W, shape (k, 3) [m]."""
-    patches = [foot.rows(state).patch for foot in feet]
-    return np.concatenate([patch.corners_W for patch in patches if patch is not None])
+def corner_points(state: State, feet: Sequence[Resting]) -> Array:
+    """All corners of the feet, of balls the lowest points, in W, shape (k, 3) [m]."""
+    return np.concatenate([_corner_points(state, foot) for foot in feet])
 
 
-def _levelling(state: State, feet: Sequence[Contact], normal: Array, axis: Array | None = None) -> Array:
+def _corner_points(state: State, foot: Resting) -> Array:
+    patch, ball = foot.rows(state).patch, member(foot, "ball")
+    if patch is None:
+        return np.zeros((0, 3))
+    return patch.corners_W if ball is None else ball.lowest_W(state, foot.frame, patch.axes[:, 2])[None]
+
+
+def _corners(foot: Resting) -> int:
+    """How many corners it has."""
+    corners = member(foot, "corners")
+    return 1 if corners is None else len(corners)
+
+
+def _levelling(state: State, feet: Sequence[Resting], normal: Array, axis: Array | None = None) -> Array:
     """The smallest rotation of the robot, shape (3, 3), that aligns its feet with a normal, about an axis or any."""
-    patches = [patch for foot in feet if len(foot.corners) > 1 and (patch := foot.rows(state).patch) is not None]
+    patches = [patch for foot in feet if _corners(foot) > 1 and (patch := foot.rows(state).patch) is not None]
     if patches:
         up = np.mean([patch.axes[:, 2] for patch in patches], axis=0)
     else:

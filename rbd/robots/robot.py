@@ -10,6 +10,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, locked
@@ -24,7 +25,7 @@ from rbd.errors.inputs import check_different, check_kind
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import Motor
 from rbd.model.pickling import Recipe, packed, unpacked
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.model.urdf import BASE_JOINT
 from rbd.problem.cones import Cone
 from rbd.robots import catalogue, travelling
@@ -179,8 +180,10 @@ class Robot(ShapedRobot):
         that slides on the ground, stay.
 
         Args:
-            posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
-                in the neutral configuration.
+            posture: A name in `postures`; by default that of the catalogue, else the only one. A robot without postures has
+                its joints at zero, or where their limits leave zero out, at the limit nearest to it: a knee of [-2.6, -0.2]
+                rad at -0.2. For other angles: `rbd.robots.place_on_ground(robot.at().with_joints({...}), robot.feet())`.
+                Of a robot with loops, which that would open, all are at zero.
             ground: Under its feet, if that is not z = 0: a height [m], `rbd.Ground` or `rbd.Terrain`. A floating base is then
                 placed as by `rbd.robots.place_on_ground`; `rbd.find_pose(robot, ground=...)` moves joints too.
 
@@ -194,7 +197,7 @@ class Robot(ShapedRobot):
         if name is None and len(self.postures) == 1:
             name = next(iter(self.postures))
         if not self.floating:
-            placed = self.at() if name is None else self.at(self.posture(name))
+            placed = self.at(self._plain() if name is None else self.posture(name))
             upright = self.plane in ("xz", "yz") and self.source.feet
             return self._settled(stand(self, placed.q, self.feet(friction=None))) if upright else placed
         feet = self.feet(friction=None)
@@ -203,7 +206,7 @@ class Robot(ShapedRobot):
                 f"no standing posture is known for {self.name}; {nearest('standing', self.postures)}. "
                 "Name one, standing(posture), or build a State with your own q."
             )
-        return self._settled(stand(self, self.neutral() if name is None else self.posture(name), feet))
+        return self._settled(stand(self, self._plain() if name is None else self.posture(name), feet))
 
     def _settled(self, q: Array) -> State:
         state = State(self, settled(self, q, self.feet(friction=None)))
@@ -235,13 +238,37 @@ class Robot(ShapedRobot):
         return soles
 
     def feet(
-        self, friction: float | Cone | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+        self,
+        friction: float | Cone | None = 0.7,
+        *,
+        facets: int = 4,
+        on: On | Mapping[str, On] = 0.0,
+        at: State | None = None,
     ) -> list[SurfaceContact | PointContact]:
-        """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`. Arguments as `soles`.
+        """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`.
+
+        Args:
+            friction: As of `soles`, like `facets` and `on`.
+            facets: Of the corner pyramids.
+            on: The ground under them.
+            at: The state in which they touch. A foot that `load_robot(feet=...)` took from a ball has its point where the ball
+                is lowest at this state, which is exact at rest; that it rolls as the leg moves is neglected. By default it is
+                the lowest of the state at loading, and a `DistantContactWarning` names the feet of which another is lower
+                where they are solved. Soles, and points of the catalogue, are the same in all states.
 
         Raises:
             ModelError: no feet are known for this robot.
             UnknownName: `on` names a foot that is none.
+            InputError: `at` is no state.
+            FrameNotFound: `at` is a state of another robot.
+
+        Example:
+            >>> ball = '<link name="ball"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+            >>> ball += '</inertial><collision><geometry><sphere radius="0.02"/></geometry></collision></link>'
+            >>> robot = rbd.load_robot(text=f'<robot name="ball">{ball}</robot>', feet=["ball"])
+            >>> turned = rbd.State(robot, [0, 0, 0.02, 0.6, 0, 0, 0.8])
+            >>> [foot.offset.round(4) for foot in (*robot.feet(), *robot.feet(at=turned))]
+            [array([ 0.  ,  0.  , -0.02]), array([ 0.    , -0.0192, -0.0056])]
         """
         if not self.source.feet:
             raise ModelError(
@@ -249,7 +276,7 @@ class Robot(ShapedRobot):
                 "rbd.load_robot(file, feet=[...]), or give your own contacts: "
                 "rbd.SurfaceContact(name, frame, half_lengths=(X, Y)) or rbd.PointContact(name, frame)."
             )
-        return contacts_of(self.source.feet, friction, facets, on)
+        return contacts_of(self.source.feet, friction, facets, on, None if at is None else checked(at))
 
     def loops(self) -> tuple[Constraint, ...]:
         """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
@@ -357,9 +384,20 @@ class Robot(ShapedRobot):
         return mimics(self)
 
     def _down(self) -> State:
-        """The state in which feet are assumed to be down: standing, else its only posture, else neutral."""
+        """The state in which feet are assumed to be down: standing, else its only posture, else that without postures."""
         known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
-        return self.at(known) if known is None or not self.source.feet else self.standing(known)
+        if known is None:
+            return self.at(self._plain())
+        return self.standing(known) if self.source.feet else self.at(known)
+
+    def _plain(self) -> Array:
+        """The configuration of a robot without postures: neutral, within the limits of joints that turn or slide."""
+        q = self.neutral()
+        if not self._loops:
+            at = [joint.q.start for joint in self.joints.values() if joint.nq == joint.nv == 1]
+            low, high = self.joints.limits
+            q[at] = np.clip(q[at], low[at], high[at])
+        return q
 
 
 def with_plain_things(robot: Robot, plain: object) -> Robot:

@@ -21,6 +21,7 @@ from rbd.answers.many.many_answers import (
     BlockAnswer,
     ManyAnswers,
     Sheet,
+    beside_balls,
     beyond_limits,
     of_rows,
     warn,
@@ -127,6 +128,7 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
             continue
         if found is not None:
             tau[i], margin[i], least[i] = found.tau, found.margin, found.least
+    sheet.column("warned", DISTANT)[:] |= beside_balls(states)
     sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     if not choice.holds:

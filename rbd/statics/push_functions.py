@@ -76,7 +76,7 @@ def withstand_push(
     """
     check_friction(friction, 4)
     stands, state = _standing(robot, posture)
-    feet = stands.feet(friction, facets=4 if facets is None else facets)
+    feet = stands.feet(friction, facets=4 if facets is None else facets, at=state)
     external = _external(stands, at, push, push_angle, direction, (push_x, push_y, push_z))
     return hold(state, feet, external=external, friction="cone" if facets is None else "inscribed", margin=margin)
 
@@ -125,7 +125,7 @@ def move_under_push(
     stands, state = _standing(robot, posture)
     external = _external(stands, at, push, push_angle, direction, (push_x, push_y, push_z))
     tau = _unpushed(robot, posture, float(friction))
-    return solve(state, tau, stands.feet(friction), law=law, external=external)
+    return solve(state, tau, stands.feet(friction, at=state), law=law, external=external)
 
 
 def heaviest_link(robot: Robot) -> str:
@@ -161,7 +161,7 @@ def _loaded(name: str) -> Robot:
 @lru_cache(_KEPT)
 def _unpushed(robot: Robot | str, posture: str | None, friction: float) -> Array:
     stands, state = _kept(robot, posture)
-    return hold(state, stands.feet(friction)).tau
+    return hold(state, stands.feet(friction, at=state)).tau
 
 
 def _external(

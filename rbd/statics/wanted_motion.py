@@ -16,6 +16,7 @@ from rbd.answers.prepared.constraint_dynamics import prepared
 from rbd.arrays import BELOW_ONE, Array, check_number, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.distance_warnings import warn_of_limits
+from rbd.constraints.round_feet import warn_of_balls
 from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, NoSolution, Reason, SpeedLimitWarning
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.external import External, generalised
@@ -116,6 +117,7 @@ class WantedMotion:
                 refuse_motion(state, rows)
         elif level is not None:
             warn_of_limits(state, contacts, stacklevel=level)
+            warn_of_balls(state, contacts, stacklevel=level)
         if level is not None and not choice.holds:
             _warn_of_speed(state, level)
         return out

@@ -201,7 +201,8 @@ def contact_sheet(
         raise InputError("a contact sheet of no robots; give some, or their names: ['talos', 'go2'].")
     scenes: dict[str, tuple[State, Solution]] = {}
     for robot in loaded:
-        state, feet = robot.standing(), robot.feet(friction)
+        state = robot.standing()
+        feet = robot.feet(friction, at=state)
         kind = "soles" if len(feet[0].corners) > 1 else "points"
         caption = f"{robot.name}: {robot.mass:.3g} kg on {len(feet)} {kind}"
         while caption in scenes:

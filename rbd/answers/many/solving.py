@@ -10,6 +10,7 @@ import numpy as np
 from rbd.answers.least_constraint import posed, refuse_moving
 from rbd.answers.many.blocks import by_blocks, found_again
 from rbd.answers.many.many_answers import (
+    DISTANT,
     INACCURATE,
     LIMIT,
     MOVES,
@@ -18,6 +19,7 @@ from rbd.answers.many.many_answers import (
     TORQUE,
     ManyAnswers,
     Sheet,
+    beside_balls,
     beyond_limits,
     of_rows,
     warn,
@@ -102,6 +104,7 @@ def solve_many(
     sheet = Sheet(states)
     fill(sheet, threads, _answer_all, asked, rest_speed)
     sheet.column("warned", TORQUE)[:] = _overloaded(states) & (sheet.status != StateStatus.BAD_INPUT)
+    sheet.column("warned", DISTANT)[:] |= beside_balls(states)
     sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     found = Solutions(**sheet.fields(), law=asked, rest_speed=rest_speed)

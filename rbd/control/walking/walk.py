@@ -165,13 +165,14 @@ class Walk(Displayed):
         check_flag("adapts of Walk", adapts)
         check_number("friction of Walk", friction, 1e-3, 1e3, expected="a coefficient above 0")
         on = terrain if isinstance(terrain, Terrain) else plane_of("Walk", terrain)
-        self.robot, self.contacts = robot, robot.feet(friction=friction, on=on)
+        self.robot = robot
         if not robot.floating:
             raise InputError(f"{robot.name} has no floating base, and cannot walk; load it without root=.")
         if state is None:
             state = standing_on(robot, on)
         check_kind("state of Walk", state, State, "a State of its robot")
         self.state = state.on(robot)
+        self.contacts = robot.feet(friction=friction, on=on, at=self.state)
         feet = {foot.name: foot for foot in self.contacts}
         poses = contacts_at(self.state, self.contacts)
         centres = np.array([X.translation for X in poses.values()])
