@@ -71,7 +71,7 @@ def main(show: bool = True) -> Result:
         from rbd.visual import Scene
 
         Path("out").mkdir(exist_ok=True)
-        with Scene(rhombus, seen_from=(0.3, -1.0, 0.25)) as scene:
+        with Scene(rhombus) as scene:
             scene.show(rbd.State(rhombus, found.found[0].q))
             scene.beside({"the other branch": rbd.State(rhombus, found.found[1].q)})
             print(f"See {scene.export('out/10_four_bar.html')}.")

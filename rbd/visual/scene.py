@@ -402,7 +402,7 @@ class Scene(Displayed, Closing):
             return
         colors, poses = contact_colors(self._seen), self._body.poses
         note = " ".join(filter(None, [missing_note(robot_parts(self.robot)), poses.note]))
-        of = poses.shown or ("the pose in its own colours" if poses else "")
+        of = poses.shown or ("the first pose" if poses else "")
         words = poses.entries(), note, self._shown_terrains(), of
         what = legend_data(self.robot.name, self._picture, colors, self.sizes, self._statics, *words)
         self.recorder.post("legend", json.dumps({"legend": what}))

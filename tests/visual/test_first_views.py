@@ -70,7 +70,7 @@ def test_the_centre_of_mass_of_one_branch_is_told_apart() -> None:
         scene.beside(report.poses(), shown=report.shown)
         assert report.shown and f"centre of mass of {report.shown}, drop line" in names(scene.page())
         scene.beside({"crossed": robot.at("crossed")})
-        assert "centre of mass of the pose in its own colours, drop line" in names(scene.page())
+        assert "centre of mass of the first pose, drop line" in names(scene.page())
 
 
 def hidden(direction: object, points: np.ndarray) -> int:
