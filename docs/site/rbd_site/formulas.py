@@ -8,6 +8,8 @@ from docutils import nodes
 from sphinx.addnodes import desc_signature
 from sphinx.application import Sphinx
 
+from rbd_site.subscripts import replace_texts
+
 GREEK = "alpha|beta|gamma|delta|lambda|mu|omega|phi|psi|rho|sigma|tau|theta|xi|zeta"
 FUNCTIONS = "sin|cos|tan|det|rank|min|max|argmin"
 TOKEN = re.compile(
@@ -119,16 +121,11 @@ def set_inline(app: Sphinx, doctree: nodes.document) -> None:
     """Set the formulas in sentences of a page of the API, and those in backquotes."""
     if not app.env.docname.startswith("api/"):
         return
-    kept = (nodes.literal, nodes.FixedTextElement, nodes.math, nodes.Invisible, nodes.title, desc_signature)
     for code in list(doctree.findall(nodes.literal)):
         if INLINE.fullmatch(line := code.astext()) and _SURE.search(line) and (" " in line or "|" in line):
             code.replace_self(nodes.math(line, tex(line).strip()))
-    for text in list(doctree.findall(nodes.Text)):
-        above = text.parent
-        while above is not None and not isinstance(above, kept):
-            above = above.parent
-        if above is None and (made := inline(str(text))):
-            text.parent.replace(text, made)
+    kept = (nodes.literal, nodes.FixedTextElement, nodes.math, nodes.Invisible, nodes.title, desc_signature)
+    replace_texts(doctree, kept, inline)
 
 
 def setup(app: Sphinx) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from docutils import nodes
 from sphinx.application import Sphinx
@@ -38,17 +39,21 @@ def split(text: str) -> list[nodes.Node]:
     return [*made, nodes.Text(text[end:])] if made else []
 
 
-def lower_indices(app: Sphinx, doctree: nodes.document) -> None:
-    """Set the indices and exponents of a page that was read."""
-    kept = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.FixedTextElement, nodes.Invisible)
-    if app.env.docname.startswith("api/"):
-        return  # docstrings name arguments and fields
+def replace_texts(doctree: nodes.document, kept: tuple[type, ...], split: Callable[[str], list[nodes.Node]]) -> None:
+    """Put what `split` makes of each text in its place, but within nodes of the kept kinds, or where it makes nothing."""
     for text in list(doctree.findall(nodes.Text)):
         above = text.parent
         while above is not None and not isinstance(above, kept):
             above = above.parent
         if above is None and (made := split(str(text))):
             text.parent.replace(text, made)
+
+
+def lower_indices(app: Sphinx, doctree: nodes.document) -> None:
+    """Set the indices and exponents of a page that was read."""
+    if not app.env.docname.startswith("api/"):  # docstrings name arguments and fields
+        kept = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.FixedTextElement, nodes.Invisible)
+        replace_texts(doctree, kept, split)
 
 
 def setup(app: Sphinx) -> None:
