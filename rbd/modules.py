@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from importlib.resources import files
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
@@ -16,12 +17,22 @@ def submodule(package: str, name: str) -> ModuleType:
     """The module `name` of a package, imported; for a package's `__getattr__`.
 
     Raises:
-        AttributeError: there is none.
+        AttributeError: there is none; of a name that a package inside this one has, its place is told.
     """
     full = f"{package}.{name}"
     if name.startswith("__") or find_spec(full) is None:
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        raise AttributeError(f"module {package!r} has no attribute {name!r}{_elsewhere(package, name)}")
     return _imported(full)
+
+
+def _elsewhere(package: str, name: str) -> str:
+    """Where packages inside this one list the name in `__all__`, for a message; empty if none does."""
+    found = []
+    for room in sorted(files(package).iterdir(), key=lambda path: path.name):
+        top = room.joinpath("__init__.py")
+        if top.is_file() and f'    "{name}",\n' in top.read_text(encoding="utf-8"):
+            found.append(f"{package}.{room.name}.{name}")
+    return f"; there is {' and '.join(found)}" if found else ""
 
 
 def _imported(name: str) -> ModuleType:

@@ -209,6 +209,9 @@ def test_planar_is_there_when_it_is_first_asked_for(monkeypatch: pytest.MonkeyPa
     assert rbd.planar.Chain(2).n == 2
     with pytest.raises(AttributeError, match="module 'rbd' has no attribute 'plane'"):
         rbd.plane  # noqa: B018
+    with pytest.raises(AttributeError, match="has no attribute 'Scene'; there is rbd.visual.Scene$"):
+        rbd.Scene  # noqa: B018
+    assert not hasattr(rbd, "nothing_like_it") and not hasattr(rbd.statics, "Scene")
 
 
 # ------------------------------------------------------------------------------------------- holding, and what it leaves
