@@ -166,6 +166,7 @@ class Walk(Displayed):
         check_number("friction of Walk", friction, 1e-3, 1e3, expected="a coefficient above 0")
         on = terrain if isinstance(terrain, Terrain) else plane_of("Walk", terrain)
         self.robot = robot
+        robot.feet(friction=friction, on=on)  # refuses a robot without
         if not robot.floating:
             raise InputError(f"{robot.name} has no floating base, and cannot walk; load it without root=.")
         if state is None:
