@@ -27,7 +27,9 @@ def submodule(package: str, name: str) -> ModuleType:
 
 def _elsewhere(package: str, name: str) -> str:
     """Where packages inside this one list the name in `__all__`, for a message; empty if none does."""
-    found = []
+    found = list[str]()
+    if name.startswith("_"):
+        return ""
     for room in sorted(files(package).iterdir(), key=lambda path: path.name):
         top = room.joinpath("__init__.py")
         if top.is_file() and f'    "{name}",\n' in top.read_text(encoding="utf-8"):

@@ -15,7 +15,7 @@ from rbd.answers.solution import Solution, nearest_motion, solution_of
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, rows_of, with_loops
 from rbd.constraints.distance_warnings import moves, warn_of_distant, warn_of_limits, warn_of_moving, warn_of_opening
-from rbd.constraints.round_feet import other_rows, warn_of_balls
+from rbd.constraints.round_feet import warn_of_balls
 from rbd.errors import (
     ContactMoves,
     EffortLimitWarning,
@@ -286,9 +286,7 @@ def assembled(
     rows = rows_of(state, given)
     _warn_of_open(given, rows)
     warn_of_limits(state, given, stacklevel=4)
-    told = warn_of_balls(state, given, stacklevel=4)
-    if not all([r.touches for r in rows]):
-        warn_of_distant(state.robot, other_rows(rows, told), stacklevel=4)
+    warn_of_distant(state, given, rows, stacklevel=4)
     external = tuple(external) if type(external) is list else external
     problem = _of_rows(state, rhs, wrench, rows, StateOrigin(state, given, external), rest_speed)
     warn_of_moving(state.robot, [(r.name, r.speed) for r in rows if moves(r, rest_speed)], stacklevel=3)

@@ -319,15 +319,11 @@ def verdict(report: MotionReport) -> str:
 
 def _beside_given(report: MotionReport) -> list[str]:
     """Frames of a repaired motion with faults that the one that was given had not there, and its rate where that is another."""
-    from rbd.motion.repair.notes import new_faults
+    from rbd.motion.repair.notes import new_faults, new_rate
 
     given, m = report.before, report.motion
-    if given is None:
-        return []
-    lines = [line[0].upper() + line[1:] for line in new_faults(m.t, given.causes, report.causes)]
-    if m.duration > 1.001 * given.motion.duration:
-        lines.append(f"It has as many frames, so that its rate is {m.rate:.6g} Hz instead of {given.motion.rate:.6g} Hz.")
-    return lines
+    lines = [] if given is None else [*new_faults(m.t, given.causes, report.causes), *new_rate(m, given.motion)]
+    return [line[0].upper() + line[1:] for line in lines]
 
 
 def _per_frame(report: MotionReport) -> dict[str, Any]:

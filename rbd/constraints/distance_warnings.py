@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.joint import JointLimit
+from rbd.constraints.round_feet import warn_of_balls
 from rbd.errors import (
     DistantContactWarning,
     InputError,
@@ -61,27 +62,32 @@ def warn_of_moving(robot: CheckedModel, moving: Sequence[tuple[str, float]], *, 
         )
 
 
-def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int) -> None:
-    """Warn of contacts that are off their planes, by name.
+def warn_of_distant(
+    state: State, constraints: Sequence[Constraint], rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int
+) -> None:
+    """Warn of contacts that are off their planes, by name; of round feet, of points that are not the lowest.
 
     Args:
-        robot: Whose.
-        rows: Of contacts; those whose feedback pulls them back are left out.
+        state: The robot.
+        constraints: Its constraints.
+        rows: Those of them; those whose feedback pulls them back are left out.
         below_only: Of unilateral contacts, name only those below their planes: others fall onto them.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
-    overlapping = [r for r in rows if r.overlaps]
+    balls = warn_of_balls(state, constraints, stacklevel=stacklevel + 1)
+    off = [r for r in rows if not r.touches and r.name not in balls]
+    overlapping = [r for r in off if r.overlaps]
     if overlapping:
         warnings.warn(
-            f"bodies of {robot.name} are inside each other: {joined([_deepest(r) for r in overlapping])}. They are computed "
-            "as if they touched. Move one of them, or leave the pair out, pairs=[...].",
+            f"bodies of {state.robot.name} are inside each other: {joined([_deepest(r) for r in overlapping])}. They are "
+            "computed as if they touched. Move one of them, or leave the pair out, pairs=[...].",
             DistantContactWarning,
             stacklevel=stacklevel,
         )
-    told = distant([r for r in rows if not r.overlaps], below_only=below_only)
+    told = distant([r for r in off if not r.overlaps], below_only=below_only)
     if told:
         warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on: {joined(told)}. Move the robot "
+            f"contacts of {state.robot.name} are off the ground that they stand on: {joined(told)}. Move the robot "
             "(robot.standing() puts its feet on z = 0, rbd.find_pose onto terrain), leave out what does not touch, or give the "
             "plane: robot.feet(on=0.75), robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None "
             "where it is not known.",

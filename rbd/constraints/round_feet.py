@@ -24,7 +24,6 @@ from rbd.errors import DistantContactWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import TOUCHES
-from rbd.problem.rows import Rows
 from rbd.records import joined
 
 MOST_LOOKED_AT = 100
@@ -141,8 +140,3 @@ def _beside(contact: Any, state: State) -> float:
 
 def _off(contact: Any, R_WF: Array) -> float:
     return float(np.linalg.norm(contact.ball.lowest(R_WF, contact.normal) - contact.placement.translation))
-
-
-def other_rows(rows: Sequence[Rows], names: tuple[str, ...]) -> Sequence[Rows]:
-    """Rows but those of some names, of which a warning was given."""
-    return [r for r in rows if r.name not in names] if names else rows

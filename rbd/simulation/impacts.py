@@ -20,7 +20,6 @@ from rbd.arrays import Array, check_number, lazy, max_abs
 from rbd.constraints.constraint import Constraint, member, rows_of, with_loops
 from rbd.constraints.contact_points import SLIDES, sources_of
 from rbd.constraints.distance_warnings import warn_of_distant
-from rbd.constraints.round_feet import other_rows, warn_of_balls
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
@@ -258,8 +257,7 @@ def impact(
     e = restitution_of(restitution, names)
     kind = slip_law(law).kind
     check_number("plastic_below", plastic_below, 0.0, expected="a speed from 0 [m/s]")
-    told = warn_of_balls(state, given, stacklevel=3)
-    warn_of_distant(state.robot, other_rows(rows, told), stacklevel=3)
+    warn_of_distant(state, given, rows, stacklevel=3)
     return impact_of(state, given, e, law=kind, plastic=float(plastic_below))
 
 

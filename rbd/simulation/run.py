@@ -16,7 +16,7 @@ import numpy as np
 from rbd.arrays import Array, check_flag, check_positive, check_whole, is_finite
 from rbd.constraints.constraint import Constraint, anchored, rows_of, with_loops
 from rbd.constraints.distance_warnings import check_start, distant, warn_of_distant, warn_of_limits
-from rbd.constraints.round_feet import other_rows, warn_of_balls, warn_of_rolling
+from rbd.constraints.round_feet import warn_of_rolling
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import INSTANT, Controller, ExternalAt, asked, hook, sample_period
 from rbd.errors import (
@@ -276,8 +276,7 @@ def _motion(
     check_known("inactive", off, names)
     warn_of_limits(state, given, stacklevel=4)
     acting = [r for r in rows if r.name not in off]
-    told = warn_of_balls(state, [c for c in given if c.name not in off], stacklevel=4)
-    warn_of_distant(state.robot, other_rows(acting, told), below_only=True, stacklevel=4)
+    warn_of_distant(state, [c for c in given if c.name not in off], acting, below_only=True, stacklevel=4)
     check_start(state.robot, acting, stacklevel=4)
     wanted = events_of(events, names)
     if off and not wanted:

@@ -21,7 +21,6 @@ from rbd.answers.many.many_answers import (
     BlockAnswer,
     ManyAnswers,
     Sheet,
-    beside_balls,
     beyond_limits,
     of_rows,
     warn,
@@ -29,6 +28,7 @@ from rbd.answers.many.many_answers import (
 from rbd.answers.many.states import ManyStates
 from rbd.answers.prepared.constraint_dynamics import Plan
 from rbd.arrays import Array, locked, zeros
+from rbd.constraints.round_feet import balls_beside
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.problem.answer import ACCELERATION, StateStatus, Status
@@ -128,7 +128,7 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
             continue
         if found is not None:
             tau[i], margin[i], least[i] = found.tau, found.margin, found.least
-    sheet.column("warned", DISTANT)[:] |= beside_balls(states)
+    sheet.column("warned", DISTANT)[:] |= balls_beside(states.robot, states.constraints, states.q)
     sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     if not choice.holds:

@@ -15,7 +15,6 @@ import numpy as np
 from rbd.arrays import BELOW_ONE, Array, as_vector3, check_number, lazy
 from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
-from rbd.constraints.round_feet import other_rows, warn_of_balls
 from rbd.errors import InputError, NotAtRest
 from rbd.errors.inputs import check_choice, check_different
 from rbd.model.checked_model import FARTHEST
@@ -48,9 +47,7 @@ def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: in
     check_different([r.name for r in rows], "contacts")
     if stacklevel is not None:
         warn_of_limits(state, contacts, stacklevel=stacklevel + 1)
-        told = warn_of_balls(state, contacts, stacklevel=stacklevel + 1)
-        if not all([r.touches for r in rows]):
-            warn_of_distant(state.robot, other_rows(rows, told), stacklevel=stacklevel + 1)
+        warn_of_distant(state, contacts, rows, stacklevel=stacklevel + 1)
     return rows
 
 

@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 
 from rbd_site.subscripts import replace_texts
 
-GREEK = "alpha|beta|gamma|delta|lambda|mu|omega|phi|psi|rho|sigma|tau|theta|xi|zeta"
+GREEK = "alpha|beta|gamma|delta|eta|lambda|mu|nu|omega|phi|psi|rho|sigma|tau|theta|xi|zeta"
 FUNCTIONS = "sin|cos|tan|det|rank|min|max|argmin"
 TOKEN = re.compile(
     rf"(?P<dot>\b([A-Za-z])_dot\b)|(?P<root>\bsqrt\((?P<under>[^()]*)\))|(?P<greek>\b(?:{GREEK})(?=\b|_))"
@@ -24,9 +24,8 @@ FORMULA = re.compile(r"\^|_dot|_free|\|.*\||''|\bmu\b|\bdet\b|K\*")
 NOT_ONE = re.compile(r"[`\":;]|'s | / dt| {8,}[a-z]{3,} [a-z]|^\d |\(also")
 """What tables have, and lists in words."""
 
-_NAMES = "alpha|beta|gamma|delta|eta|lambda|mu|nu|omega|phi|psi|rho|sigma|tau|theta|xi|zeta"
 _WORDS = "argmin|bias|error|feedback|limit|margin|offset|rhs|velocity"
-_SYMBOL = rf"(?:{_NAMES}|{_WORDS}|[A-Za-z]|[A-Z]\d)(?:_(?:ext|free|dot|[A-Za-z0-9]{{1,2}}))?(?![A-Za-z0-9_])(?!\.\w)"
+_SYMBOL = rf"(?:{GREEK}|{_WORDS}|[A-Za-z]|[A-Z]\d)(?:_(?:ext|free|dot|[A-Za-z0-9]{{1,2}}))?(?![A-Za-z0-9_])(?!\.\w)"
 _ATOM = rf"(?:\d+(?:\.\d+)?(?![\w.])|{_SYMBOL})(?:\^(?:T|-?\d+|\+)|['*]+|[+-](?=[ ,)=]))*"
 _TERM = rf"-?[(|]*{_ATOM}[)|]*(?:_[A-Za-z](?![A-Za-z0-9_]))?(?:\^(?:T|-?\d+))?"
 INLINE = re.compile(rf"(?<![\w`.^|(\[/'-]){_TERM}(?:(?:\s?(?:<=|>=|[=<>+/*-]|\bx\b)\s?|\s){_TERM})*(?![\w(\['|^.-]\w|[(\[|^)])")

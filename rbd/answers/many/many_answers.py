@@ -15,7 +15,6 @@ from rbd.answers.many.world_forces import forces_of
 from rbd.arrays import Array, lazy, locked
 from rbd.constraints.constraint import Constraint, is_open
 from rbd.constraints.distance_warnings import joint_bounds
-from rbd.constraints.round_feet import balls_beside
 from rbd.errors import (
     DistantContactWarning,
     EffortLimitWarning,
@@ -424,11 +423,6 @@ def beyond_limits(states: ManyStates) -> Array:
     low, high = joint_bounds(states.robot, states.constraints)
     with np.errstate(invalid="ignore"):
         return np.asarray(((states.q < low) | (states.q > high)).any(axis=1))
-
-
-def beside_balls(states: ManyStates) -> Array:
-    """At which states a round foot touches beside its contact point, shape (n,), of truth values; see `warn_of_balls`."""
-    return balls_beside(states.robot, states.constraints, states.q)
 
 
 def warn(found: ManyAnswers, *, stacklevel: int) -> None:

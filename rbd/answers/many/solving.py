@@ -19,7 +19,6 @@ from rbd.answers.many.many_answers import (
     TORQUE,
     ManyAnswers,
     Sheet,
-    beside_balls,
     beyond_limits,
     of_rows,
     warn,
@@ -30,6 +29,7 @@ from rbd.answers.solution import Solution, solution_of
 from rbd.arrays import Array, check_number
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.distance_warnings import moves
+from rbd.constraints.round_feet import balls_beside
 from rbd.displayed import Displayed
 from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
@@ -104,7 +104,7 @@ def solve_many(
     sheet = Sheet(states)
     fill(sheet, threads, _answer_all, asked, rest_speed)
     sheet.column("warned", TORQUE)[:] = _overloaded(states) & (sheet.status != StateStatus.BAD_INPUT)
-    sheet.column("warned", DISTANT)[:] |= beside_balls(states)
+    sheet.column("warned", DISTANT)[:] |= balls_beside(states.robot, states.constraints, states.q)
     sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     found = Solutions(**sheet.fields(), law=asked, rest_speed=rest_speed)

@@ -42,8 +42,7 @@ def notes_of(
     share = 1.0 - float(was.any(axis=1).mean())
     out = [f"repaired {before.title}: {possible.mean():.1%} of its frames are possible, {share:.1%} were."]
     out += new_faults(motion.t, was, now)
-    if motion.duration > 1.001 * before.duration:
-        out.append(f"it has as many frames, so that its rate is {motion.rate:.6g} Hz instead of {before.rate:.6g} Hz.")
+    out += new_rate(motion, before)
     out.append(f"{len(course.stances)} stances, moved along the floor by up to {1e3 * found.moved.max(initial=0.0):.0f} mm.")
     out += on_edges(course, float(motion.t[0]))
     raised = course.raised
@@ -80,6 +79,13 @@ def new_faults(t: Array, was: Array, now: Array) -> list[str]:
     times = ", ".join(f"{t[a]:.2f}" + (f" to {t[b - 1]:.2f}" if b > a + 1 else "") for a, b in runs)
     kinds = ", ".join(f"{cause} in {count}" for count, cause in counts)
     return [f"new faults in {counted(int(new.any(axis=1).sum()), 'frame')}: {kinds}; at {times} s."]
+
+
+def new_rate(motion: Motion, before: Motion) -> list[str]:
+    """That a slower motion has another rate, in words: one line, or none."""
+    if not motion.duration > 1.001 * before.duration:
+        return []
+    return [f"it has as many frames, so that its rate is {motion.rate:.6g} Hz instead of {before.rate:.6g} Hz."]
 
 
 def together(t: Array, some: Array) -> list[tuple[int, int]]:

@@ -32,7 +32,7 @@ from rbd.visual.playback.motion_frames import (
     pieces_of,
 )
 from rbd.visual.playback.shown_motion import ShownMotion, Track
-from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
+from rbd.visual.playback.trajectory_charts import carries_weight, plane_normals
 from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import RobotPart, hull_of, missing_note
 from rbd.visual.shapes import outermost
@@ -379,10 +379,7 @@ def _pose(X: pin.SE3) -> list[float]:
 
 def _normals(track: Track, source: Any) -> str:
     """The normals of a contact, packed, shape (n, 3), or (1, 3) where they stay the same; empty where they are not known."""
-    plane = getattr(source, "planes", {}).get(track.name)
-    if plane is not None and not plane.level:
-        return packed(np.asarray(plane.normal, float)[None])
-    found = normals_of(track.points, track.forces)
+    found = plane_normals(getattr(source, "planes", {}).get(track.name), track.points, track.forces)
     if found is None or not np.isfinite(found).all():
         return ""
     return packed(found[:1] if np.ptp(found, axis=0).max() < STILL else found)

@@ -15,6 +15,7 @@ from rbd.constraints.convex.polygons import across, convex_hull, half_planes
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
+from rbd.problem.ground import Ground
 from rbd.problem.residuals import USABLE
 from rbd.simulation.trajectory_fields import RESIDUALS
 from rbd.visual.marks.contacts import UPRIGHT
@@ -102,7 +103,7 @@ def _forces(shown: Any) -> CurveChart | None:
     order = sorted(contacts, key=lambda name: -float(size[name].max()))
     lines = []
     for name in [name for name in contacts if name in order[:NAMED_CONTACTS]]:
-        normal = plane_normals(shown, name)
+        normal = plane_normals(getattr(shown, "planes", {}).get(name), shown.points[name], shown.point_forces[name])
         along = contacts[name][:, 2] if normal is None else np.einsum("ij,ij->i", contacts[name], normal)
         lines += [
             CurveLine(f"{name} {'vertical' if normal is None else 'normal'}", colors[name], along),
@@ -255,18 +256,18 @@ _MAKERS: Mapping[str, Callable[[Any], CurveChart | None]] = {
 }
 
 
-def plane_normals(shown: Any, contact: str) -> Array | None:
+def plane_normals(plane: Ground | None, points: Array, forces: Array) -> Array | None:
     """Unit normal of a contact at each time, shape (n, 3): of its slope or wall, where that stays; else as of `normals_of`.
 
     Single points on level ground have none: charts and legends say "vertical" of them.
 
     Args:
-        shown: With points, point_forces, and planes where they are known.
-        contact: Its name.
+        plane: Of the contact, where it is known and stays.
+        points: Its points in W, shape (n, k, 3) [m].
+        forces: At these, shape (n, k, 3) [N].
     """
-    points, plane = np.asarray(shown.points[contact]), getattr(shown, "planes", {}).get(contact)
     if plane is None or plane.level:
-        return normals_of(points, shown.point_forces[contact])
+        return normals_of(points, forces)
     return np.tile(np.asarray(plane.normal, float), (len(points), 1))
 
 
